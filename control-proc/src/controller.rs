@@ -73,7 +73,7 @@ impl Controller {
             path: Path::new(axes.iter().map(AxisController::ahead).max().unwrap_or_default(), period, patience(period)),
             axes,
             walls: Walls::of(machine),
-            teeth: machine.mechanism.as_ref().filter(|_| machine.axes.len() >= AXES).map(TipWatch::new),
+            teeth: TipWatch::of(machine),
             request: None,
             operators: Operators::new(samples_of(STREAM_TIMEOUT, machine.timing.period).max(1) as u64),
             last_sequence: None,

@@ -72,9 +72,12 @@ pub struct TeethFigures {
     pub is_done: bool,
     /// Where the teeth have not begun: the axis that is furthest from the begin of the way, and how far, m.
     pub awaited: Option<(String, f64)>,
-    /// Statistics, to be merged.
+    /// Statistics of the distance from the way, to be merged.
     #[serde(skip)]
     pub error: ErrorStatistics,
+    /// Statistics of the error of the pitch, to be merged.
+    #[serde(skip)]
+    pub pitch: ErrorStatistics,
 }
 
 impl Teeth {
@@ -150,6 +153,7 @@ impl Teeth {
             is_done: self.is_done,
             awaited: if has_begun { None } else { self.awaited() },
             error: self.error,
+            pitch: self.pitch,
         }
     }
 

@@ -17,7 +17,7 @@ use control_proc::tip::{TipPlan, watch::TipWatch};
 use mechanism::{AXES, Mechanism};
 use pipeline::{
     channel::Prefix,
-    machine::{Axis, Machine, ReferenceSource, TipFree, TipPiece, TipShape, TipTask},
+    machine::{Axis, Machine, ReferenceSource, TipFree, TipPiece, TipShape, TipTask, TipWithout},
     message::{AxisMode, EncoderSample, TeethState, control_flag},
 };
 use sender::{Sender, way_of};
@@ -121,7 +121,8 @@ impl MovableTeeth {
             free: None,
         }];
         let free = Some(TipFree::Telescope(positions[2]));
-        let task = TipTask { start, pitch, speed, free, rounding: 0.0, file: None, pieces };
+        let task =
+            TipTask { start, pitch, speed, free, rounding: 0.0, file: None, pieces, without: TipWithout::default() };
         let machine = Machine { tip: Some(task), ..self.machine.clone() };
         let refused = |text: String| Failure::usage(text.trim_start_matches("tip.piece[0]: ").to_owned());
         let plan = TipPlan::of_task(&machine).map_err(|error| refused(error.to_string()))?;

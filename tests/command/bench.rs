@@ -1,5 +1,7 @@
 //! `hydraxis bench`: figures, options and refusals.
 
+mod tip;
+
 use std::{fs, path::Path};
 
 use serde_json::Value;
@@ -75,28 +77,6 @@ fn a_model_file_takes_the_place_of_what_is_known_of_the_plant() {
     };
     let (known, given) = (gain(&[]), gain(&["--model", "model.toml"]));
     assert!(given[0] > 1.4 * known[0] && given[1] == known[1], "{known:?} {given:?}");
-}
-
-#[test]
-fn drawn_tasks_of_the_teeth_are_refused_before_they_begin_or_done() {
-    let folder = tempfile::tempdir().unwrap();
-    let chosen = ["bench", "tip", "--drawn", "10", "--seed", "1", "--scenario", "nominal", "--json", "-"];
-    let text = success(folder.path(), &chosen);
-    assert_eq!(success(folder.path(), &[&chosen[..], &["--threads", "1"]].concat()), text);
-    let figures: Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(figures["drawn_with"], 1);
-    let rows = figures["rows"].as_array().unwrap();
-    let (refused, driven): (Vec<&Value>, Vec<&Value>) = rows.iter().partition(|row| row["refused"].is_string());
-    // Each by both controllers.
-    assert!(rows.len() == 20 && !refused.is_empty() && !driven.is_empty(), "{text}");
-    for row in refused {
-        assert!(row["rms"].is_null() && row["refused"].as_str().unwrap().starts_with("tip.piece["), "{row}");
-    }
-    for row in driven {
-        assert_eq!((&row["latches"], &row["is_done"]), (&Value::Array(Vec::new()), &Value::Bool(true)), "{row}");
-        assert!(row["way"].as_str().unwrap().starts_with("[tip]\nstart = ["), "{row}");
-        assert!((1e-4..0.2).contains(&row["rms"].as_f64().unwrap()), "{row}");
-    }
 }
 
 #[test]

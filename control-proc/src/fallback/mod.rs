@@ -85,7 +85,7 @@ pub struct Fallback {
     kp: f64,
     /// ki T, 1/m.
     ki_period: f64,
-    /// kp T/T_l, 1/m; 0 without feed-forward.
+    /// kp T/T_l, 1/m; 0 without feed-forward, and in a comparison without learning.
     learning: f64,
     extend: f64,
     retract: f64,
@@ -103,17 +103,19 @@ impl Fallback {
     /// s.
     pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
         let model = commissioned.filter(|_| control.feedforward);
+        let learning = model.filter(|_| !control.without.learning);
+        let hysteresis = model.filter(|_| !control.without.hysteresis);
         Self {
             kp: control.kp,
             ki_period: control.ki * period,
-            learning: model.map_or(0.0, |model| control.kp * period / learning_time(model, period)),
+            learning: learning.map_or(0.0, |model| control.kp * period / learning_time(model, period)),
             gain: 1.0,
             extend: control.dead_band.extend,
             retract: control.dead_band.retract,
             limits: Limits::new(control, period),
             feedforward: model.map(|model| Feedforward::new(model, period)),
             memory: Memory {
-                hysteresis: Hysteresis::new(model.map_or(0.0, |model| model.hysteresis)),
+                hysteresis: Hysteresis::new(hysteresis.map_or(0.0, |model| model.hysteresis)),
                 integral: 0.0,
                 offset: 0.0,
                 learned: [0.0; 2],
@@ -254,6 +256,7 @@ pub fn learning_time(model: &Commissioned, period: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::tests::models::commissioned;
+    use pipeline::machine::FallbackWithout;
     use proptest::prelude::*;
 
     fn fallback() -> Fallback {
@@ -349,6 +352,28 @@ mod tests {
             fallback.update(0.05, fallback.forward(&targets), 0.3);
         }
         assert_eq!(fallback.memory.learned, [MOST_LEARNED, 0.0]);
+    }
+
+    #[test]
+    fn a_comparison_leaves_out_the_inverse_of_the_hysteresis_or_the_learning_alone() {
+        let usual = Control { feedforward: true, command_rate: 1e4, ..crate::tests::machine(1).axes[0].control };
+        let model = Commissioned { hysteresis: 0.04, ..commissioned() };
+        let run = |without: FallbackWithout| {
+            let mut fallback = Fallback::new(&Control { without, ..usual }, Some(&model), 0.01);
+            let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| 1e-3 * k as f64).collect();
+            let forward = fallback.forward(&targets);
+            let rising = fallback.update(0.02, forward, 0.3);
+            let turned = fallback.update(0.01, forward, rising);
+            (forward, rising, rising - turned, fallback.memory.learned[0])
+        };
+        let all = run(FallbackWithout::default());
+        let no_hysteresis = run(FallbackWithout { hysteresis: true, learning: false });
+        let no_learning = run(FallbackWithout { learning: true, hysteresis: false });
+        assert!(all.0 > 0.1 && all.0 == no_hysteresis.0 && all.0 == no_learning.0);
+        // The command turns back by less where the hysteresis is not made good.
+        assert!(all.2 > 0.06 && no_hysteresis.2 < 0.045 && no_learning.2 > 0.06, "{all:?} {no_hysteresis:?}");
+        assert_eq!((all.3, no_learning.3), (no_hysteresis.3, 0.0));
+        assert!(all.3 > 0.0);
     }
 
     /// What an error of 5 mm adds to the command of a motion at `speed` m/s, in parts of what it adds at rest.

@@ -2,7 +2,7 @@
 
 use mechanism::AXES;
 use pipeline::{
-    machine::{Machine, ReferenceSource, TipPiece, TipShape, TipTask},
+    machine::{Machine, ReferenceSource, TipPiece, TipShape, TipTask, TipWithout},
     message::{AxisMode, ValveCommand, control_flag, sample_fault},
 };
 
@@ -33,6 +33,7 @@ impl Ideal {
             rounding: 0.0,
             file: None,
             pieces,
+            without: TipWithout::default(),
         });
         machine.axes.iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
         let plan = TipPlan::of(&machine).unwrap().unwrap();

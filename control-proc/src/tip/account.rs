@@ -86,7 +86,7 @@ impl TipPlan {
     pub fn account(&self, machine: &Machine) -> Option<Account> {
         let (mechanism, task) = (machine.mechanism.as_ref()?, machine.tip.as_ref()?);
         let cylinders = Cylinders::new(machine, mechanism);
-        let timing = Timing::new(machine, task.speed);
+        let timing = Timing::new(machine, task);
         let runs = self.way.runs();
         let mut pieces: Vec<PieceAccount> = Vec::new();
         // The run, and the direction in which the boom moved last.

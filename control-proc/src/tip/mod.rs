@@ -113,7 +113,7 @@ impl TipPlan {
         let at = |s: f64| cylinders.positions(&way.place(s), freedom.at(s));
         // All places between those that were tried are within reach as well: the way is smooth.
         let positions = |s: f64| at(s).unwrap_or([f64::NAN; AXES]);
-        let timing = Timing::new(machine, task.speed);
+        let timing = Timing::new(machine, task);
         let runs = way.runs();
         let mut lengths = vec![0.0];
         for run in &runs {

@@ -122,7 +122,7 @@ fn smooth_pitch(pieces: &mut [Piece]) {
 
 #[cfg(test)]
 mod tests {
-    use pipeline::machine::{TipPiece, TipShape, TipTask};
+    use pipeline::machine::{TipPiece, TipShape, TipTask, TipWithout};
 
     use super::super::way::Way;
     use super::*;
@@ -131,7 +131,16 @@ mod tests {
         let piece = |&(to, pitch)| TipPiece { shape: TipShape::Line(to), pitch: Some(pitch), free: None };
         let pieces = places[1..].iter().map(piece).collect();
         let (start, pitch) = places[0];
-        let task = TipTask { start, pitch, speed: 0.5, free: None, rounding, file: None, pieces };
+        let task = TipTask {
+            start,
+            pitch,
+            speed: 0.5,
+            free: None,
+            rounding,
+            file: None,
+            pieces,
+            without: TipWithout::default(),
+        };
         Way::new(&task, 1.5).unwrap()
     }
 

@@ -1,7 +1,7 @@
 //! Plans on the built-in excavator.
 
 use mechanism::{Pose, Vector};
-use pipeline::machine::{TipFree, TipPiece, TipShape};
+use pipeline::machine::{TipFree, TipPiece, TipShape, TipWithout};
 
 use super::*;
 
@@ -17,7 +17,7 @@ fn planned(task: TipTask) -> Result<TipPlan, TipError> {
 
 fn task(start: [f64; 2], pitch: f64, pieces: &[(TipShape, Option<f64>)]) -> TipTask {
     let pieces = pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch, free: None }).collect();
-    TipTask { start, pitch, speed: 0.5, free: None, rounding: 0.0, file: None, pieces }
+    TipTask { start, pitch, speed: 0.5, free: None, rounding: 0.0, file: None, pieces, without: TipWithout::default() }
 }
 
 /// A level cut.
@@ -117,6 +117,32 @@ fn the_boom_stands_where_telescope_and_arm_can_do_the_task() {
     let still = planned(TipTask { free: Some(TipFree::Telescope(0.6)), ..level() }).unwrap();
     assert!(still.positions.iter().all(|positions| positions[2] == 0.6));
     assert!(still.positions.iter().any(|positions| (positions[0] - still.positions[0][0]).abs() > 0.05));
+}
+
+#[test]
+fn a_plan_without_scaling_goes_at_the_speed_of_the_task_and_takes_less_time() {
+    let machine = Machine::load(None, &[]).unwrap();
+    let smoothing = machine.axes.iter().take(AXES).map(|axis| {
+        let limits = axis.motion_limits(0.01);
+        2.0 * limits.stop_deceleration / limits.jerk
+    });
+    let smoothing = smoothing.fold(0.0, f64::max);
+    for task in tasks() {
+        let usual = planned(task.clone()).unwrap();
+        let without = TipWithout { scaling: true, ..TipWithout::default() };
+        let plan = planned(TipTask { without, ..task.clone() }).unwrap();
+        assert!(plan.duration() < 0.97 * usual.duration(), "{} {}", plan.duration(), usual.duration());
+        let runs = plan.way.runs();
+        let expected: f64 = runs.iter().map(|run| (run.1 - run.0) / task.speed + smoothing).sum();
+        assert!((plan.duration() - expected).abs() < 0.03 * runs.len() as f64, "{} {expected}", plan.duration());
+        assert!(plan.positions.iter().flatten().all(|position| position.is_finite()));
+        assert_eq!(*plan.lengths.last().unwrap(), plan.way.length());
+        // The mean over the time of smoothing has no jump of the speed.
+        let speeds: Vec<f64> = plan.lengths.windows(2).map(|pair| (pair[1] - pair[0]) / plan.period).collect();
+        assert!(speeds.iter().all(|speed| (-1e-9..=task.speed * (1.0 + 1e-9)).contains(speed)));
+        let most = 1.01 * task.speed * plan.period / smoothing;
+        assert!(speeds.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= most), "{most}");
+    }
 }
 
 #[test]

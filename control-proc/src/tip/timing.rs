@@ -20,13 +20,17 @@
 //! ```
 //!
 //! j_i `jerk` of an axis in m/s3, f_i natural frequency of its load in Hz as it was commissioned, l length of the run
-//! in m and t_r its time in s. A mean over the period of a swing leaves nothing in its motion that excites it: the boom, that stands while the
-//! arm begins to move, would swing on its oil. Source: Singer and Seering, ASME J. Dyn. Syst. Meas. Control 112 (1990).
-//! Periods change with pose and load, and several axes swing together slower than each by itself; hence 1.4. A run may
-//! become longer by a twentieth of its time, and by less the more the machine slows it anyway.
+//! in m and t_r its time in s. A mean over the period of a swing leaves nothing in its motion that excites it. Without
+//! it the boom, which stands while the arm begins to move, swings on its oil. Source: Singer and Seering, ASME J. Dyn.
+//! Syst. Meas. Control 112 (1990). Periods change with pose and load, and several axes swing together slower than each
+//! by itself; hence 1.4. A run may become longer by a twentieth of its time, and by less the more the machine slows it
+//! anyway.
+//!
+//! In a comparison without scaling ([`TipWithout`](pipeline::machine::TipWithout)) x is v^2 all along. Of all bounds
+//! only the mean is left.
 
 use mechanism::AXES;
-use pipeline::machine::{Axis, Commissioned, Machine};
+use pipeline::machine::{Axis, Commissioned, Machine, TipTask};
 
 use super::WALL_MARGIN;
 use crate::protection::{end_stops::EndStops, walls::Walls};
@@ -115,6 +119,8 @@ pub struct Timing {
     speed: f64,
     /// T, s.
     period: f64,
+    /// x is bounded by what the machine can give.
+    scales: bool,
 }
 
 /// A run point by point: s in m, x in m2/s2.
@@ -124,15 +130,16 @@ struct Profile {
 }
 
 impl Timing {
-    /// Of the first four axes of a machine, for teeth of this speed, m/s.
-    pub fn new(machine: &Machine, speed: f64) -> Self {
+    /// Of the first four axes of a machine, for this task.
+    pub fn new(machine: &Machine, task: &TipTask) -> Self {
         let period = machine.timing.period.as_secs_f64();
         Self {
             bounds: machine.axes.iter().take(AXES).map(|axis| Bounds::new(axis, period)).collect(),
             walls: Walls::of(machine),
             flow: machine.hydraulics.map_or(f64::INFINITY, |hydraulics| GIVEN * hydraulics.supply.flow),
-            speed,
+            speed: task.speed,
             period,
+            scales: !task.without.scaling,
         }
     }
 
@@ -141,7 +148,11 @@ impl Timing {
         let parts = LEAST_PARTS.max(((end - begin) / STEP).ceil() as usize);
         let step = (end - begin) / parts as f64;
         let points: Vec<[f64; AXES]> = (0..=parts).map(|k| positions(begin + step * k as f64)).collect();
-        let profile = self.profile(&points, step);
+        let profile = if self.scales {
+            self.profile(&points, step)
+        } else {
+            Profile { step, squares: vec![self.speed * self.speed; parts + 1] }
+        };
         let smooth = self.smooth(&profile.sampled(self.period)).into_iter();
         let mut ways: Vec<f64> = smooth.map(|way| (begin + way).min(end)).collect();
         // The mean ends there but for rounding.

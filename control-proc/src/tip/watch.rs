@@ -12,7 +12,10 @@
 //! Runs in the loop: nothing here allocates after construction.
 
 use mechanism::{AXES, Mechanism, PreparedMechanism, Rotation};
-use pipeline::message::{TeethState, TipState};
+use pipeline::{
+    machine::Machine,
+    message::{TeethState, TipState},
+};
 
 use crate::tip::TipPlan;
 
@@ -29,12 +32,21 @@ pub const NEAR: f64 = 0.5;
 pub struct TipWatch {
     mechanism: PreparedMechanism,
     lag: f64,
+    /// Whether the lag slows the time along the way.
+    waits: bool,
 }
 
 impl TipWatch {
     /// Of a machine with this mechanism.
     pub fn new(mechanism: &Mechanism) -> Self {
-        Self { mechanism: mechanism.prepared(), lag: 0.0 }
+        Self { mechanism: mechanism.prepared(), lag: 0.0, waits: true }
+    }
+
+    /// Of a machine with its task; none for a machine without a mechanism that its axes move.
+    pub fn of(machine: &Machine) -> Option<Self> {
+        let mechanism = machine.mechanism.as_ref().filter(|_| machine.axes.len() >= AXES)?;
+        let waits = machine.tip.as_ref().is_none_or(|task| !task.without.waiting);
+        Some(Self { waits, ..Self::new(mechanism) })
     }
 
     /// The teeth with the cylinders at `positions` m, whose references are `references` m, at `t` s of a plan.
@@ -69,9 +81,39 @@ impl TipWatch {
         state
     }
 
-    /// p after the last tick.
+    /// p after the last tick; 1 in a comparison without waiting.
     pub fn pace(&self) -> f64 {
+        if !self.waits {
+            return 1.0;
+        }
         let part = (self.lag - EASY) / (MOST - EASY);
         1.0 - (1.0 - LEAST_PACE) * part.clamp(0.0, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pipeline::machine::TipWithout;
+
+    use super::*;
+
+    #[test]
+    fn teeth_that_lag_behind_slow_the_time_but_not_in_a_comparison_without_waiting() {
+        let pace = |waiting: bool, behind: f64| {
+            let mut machine = Machine::load(None, &[]).unwrap();
+            machine.tip.as_mut().unwrap().without = TipWithout { waiting, ..TipWithout::default() };
+            let plan = TipPlan::of_task(&machine).unwrap().unwrap();
+            let references: [f64; AXES] = std::array::from_fn(|axis| plan.points(axis)[0].1);
+            // The bucket's cylinder moves the teeth by more than its own way.
+            let mut positions = references;
+            positions[3] -= behind;
+            let mut watch = TipWatch::of(&machine).unwrap();
+            watch.update(Some(positions), &references, Some((&plan, 0.0)));
+            watch.pace()
+        };
+        assert_eq!((pace(false, 0.0), pace(false, 0.01)), (1.0, 1.0));
+        let slowed = [0.04, 0.1].map(|behind| pace(false, behind));
+        assert!(slowed[0] < 0.9 && (slowed[1] - LEAST_PACE).abs() < 1e-12, "{slowed:?}");
+        assert_eq!(pace(true, 0.1), 1.0);
     }
 }

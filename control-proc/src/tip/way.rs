@@ -120,7 +120,7 @@ impl Way {
 
 #[cfg(test)]
 mod tests {
-    use pipeline::machine::TipPiece;
+    use pipeline::machine::{TipPiece, TipWithout};
 
     use std::f64::consts::PI;
 
@@ -129,7 +129,16 @@ mod tests {
     fn task(pieces: &[(TipShape, Option<f64>)]) -> TipTask {
         let pieces =
             pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch, free: None }).collect();
-        TipTask { start: [7.0, 0.0], pitch: -90.0, speed: 0.5, free: None, rounding: 0.0, file: None, pieces }
+        TipTask {
+            start: [7.0, 0.0],
+            pitch: -90.0,
+            speed: 0.5,
+            free: None,
+            rounding: 0.0,
+            file: None,
+            pieces,
+            without: TipWithout::default(),
+        }
     }
 
     #[test]

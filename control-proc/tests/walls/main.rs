@@ -8,7 +8,7 @@ use std::path::Path;
 
 use control_proc::{Controller, protection::walls::Walls, tip::TipPlan};
 use pipeline::{
-    machine::{BUILT_IN, Machine, ReferenceSource, TipPiece, TipShape, TipTask, model_settings_in},
+    machine::{BUILT_IN, Machine, ReferenceSource, TipPiece, TipShape, TipTask, TipWithout, model_settings_in},
     message::{AxisMode, AxisRequest, Request, control_flag},
 };
 use plant_sim::PlantSim;
@@ -96,7 +96,16 @@ fn teeth(machine: &mut Machine, dice: &mut Dice) -> [f64; AXES] {
         let (start, to) = (place(), place());
         let pieces = vec![TipPiece { shape: TipShape::Line(to), pitch: None, free: None }];
         let pitch = -dice.between(60.0, 130.0);
-        without.tip = Some(TipTask { start, pitch, speed: 1.0, free: None, rounding: 0.0, file: None, pieces });
+        without.tip = Some(TipTask {
+            start,
+            pitch,
+            speed: 1.0,
+            free: None,
+            rounding: 0.0,
+            file: None,
+            pieces,
+            without: TipWithout::default(),
+        });
         let Ok(Some(plan)) = TipPlan::of(&without) else { continue };
         let first = std::array::from_fn(|axis| plan.points(axis)[0].1);
         let last = std::array::from_fn(|axis| plan.points(axis).last().unwrap().1);

@@ -50,10 +50,10 @@ use document::{Document, Section, Setting};
 
 pub use axis::{
     AngleKind, AngleSensor, Axis, COMPENSATED, CanDevices, CanPosition, CanSignals, Commissioned, Control, DeadBand,
-    Directions, Encoder, Estimator, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, LEAST_SET_POINT,
-    Law, LimitSettings, LoadForce, LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice,
-    MotionLimits, MoveWeight, Plan, PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY,
-    SensorErrors, Sine, Slope, SmithSettings, Split, Start, ValveCurve, shortest_training,
+    Directions, Encoder, Estimator, FallbackWithout, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput,
+    LEAST_SET_POINT, Law, LimitSettings, LoadForce, LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS,
+    ModelChoice, MotionLimits, MoveWeight, Plan, PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource,
+    SMITH_MEMORY, SensorErrors, Sine, Slope, SmithSettings, Split, Start, ValveCurve, shortest_training,
 };
 pub use can::{CanBus, CanMessage, ChecksumKind};
 pub use document::{DefaultValue, EffectiveValue, Origin, ValueForm, samples_of};
@@ -68,7 +68,7 @@ pub use soil::Soil;
 pub use source::{Drive, Source};
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
-pub use tip::{TipFree, TipPiece, TipShape, TipTask};
+pub use tip::{TipFree, TipPiece, TipShape, TipTask, TipWithout};
 pub use walls::{MOST_CORNERS, Walls};
 
 use crate::{MAX_AXES, bounded, layout, nearest::did_you_mean_file};

@@ -48,6 +48,18 @@ pub struct TipTask {
     pub file: Option<PathBuf>,
     /// The pieces, one after the other.
     pub pieces: Vec<TipPiece>,
+    /// What a comparison leaves out.
+    pub without: TipWithout,
+}
+
+/// Measures of a motion of the teeth that a comparison leaves out, to show what each of them is worth. No key of the
+/// machine file: every machine has all of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TipWithout {
+    /// The plan keeps the speed of the task, whatever axes, pump and virtual walls can give.
+    pub scaling: bool,
+    /// Time goes on along the way at its full pace, however far the teeth lag behind.
+    pub waiting: bool,
 }
 
 /// A piece of the way, from the end of the one before.
@@ -126,7 +138,7 @@ impl TipTask {
             section.refuse(&format!("piece[{i}]"), found, "one for the whole task, or one for each piece");
         }
         section.finish();
-        Some(Self { start, pitch, speed, free, rounding, file, pieces })
+        Some(Self { start, pitch, speed, free, rounding, file, pieces, without: TipWithout::default() })
     }
 
     /// Refuses axes that follow the teeth without a task, and a task that only some of the four axes follow.

@@ -16,8 +16,6 @@ mod generated;
 mod parallel;
 mod report;
 pub mod tip;
-mod tip_drawn;
-mod tip_picture;
 
 use std::time::Duration;
 

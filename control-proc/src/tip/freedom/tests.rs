@@ -1,6 +1,6 @@
 //! Free axes on the built-in excavator.
 
-use pipeline::machine::{Machine, TipPiece, TipShape, Walls};
+use pipeline::machine::{Machine, TipPiece, TipShape, TipWithout, Walls};
 
 use super::*;
 
@@ -20,7 +20,8 @@ fn the_curve_goes_through_its_points_without_an_overshoot_or_a_kink() {
 
 fn task(start: [f64; 2], pitch: f64, pieces: &[TipShape]) -> TipTask {
     let pieces = pieces.iter().map(|shape| TipPiece { shape: *shape, pitch: None, free: None }).collect();
-    TipTask { start, pitch, speed: 0.35, free: None, rounding: 0.0, file: None, pieces }
+    let without = TipWithout::default();
+    TipTask { start, pitch, speed: 0.35, free: None, rounding: 0.0, file: None, pieces, without }
 }
 
 /// The built-in machine with a load in the bucket, kg, and a wall above it, m.

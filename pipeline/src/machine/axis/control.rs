@@ -47,6 +47,18 @@ pub struct Control {
     /// Whether the loop loses authority when it swings. No key of the machine file: only a comparison leaves it out, so
     /// that a baseline is what it would be elsewhere.
     pub caution: bool,
+    /// What a comparison leaves out of the fallback's feed-forward.
+    pub without: FallbackWithout,
+}
+
+/// Measures beside the feed-forward of the fallback that a comparison leaves out, to show what each of them is worth.
+/// No key of the machine file: every machine has all of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FallbackWithout {
+    /// The inverse of the valve's hysteresis.
+    pub hysteresis: bool,
+    /// What the feed-forward lacks is learned in motion.
+    pub learning: bool,
 }
 
 /// Part of `max_speed` that is drift: a worn telescope under load has 1.5 %.
@@ -134,6 +146,7 @@ impl Control {
                 )
                 .flag_or(false),
             caution: true,
+            without: FallbackWithout::default(),
         };
         let (command_rate, period) = (control.command_rate, period.as_secs_f64());
         let nature = Nature { commissioned, max_speed, command_rate, resolution, period };

@@ -37,7 +37,7 @@ use std::path::Path;
 pub use can::{CanDevices, CanPosition, CanSignals, LEAST_SET_POINT, Slope};
 pub use commissioned::{COMPENSATED, Commissioned, MOST_POINTS};
 use control::Owner;
-pub use control::{Control, Law, ModelChoice, SmithSettings};
+pub use control::{Control, FallbackWithout, Law, ModelChoice, SmithSettings};
 pub use dead_band::DeadBand;
 pub use encoder::{AngleKind, AngleSensor, Encoder};
 pub use estimator::Estimator;

@@ -5,9 +5,9 @@
 
 use std::ops::RangeInclusive;
 
-use pipeline::machine::{TipFree, TipPiece, TipShape, TipTask};
+use pipeline::machine::{TipFree, TipPiece, TipShape, TipTask, TipWithout};
 
-use super::drawn::Draw;
+use super::super::drawn::Draw;
 
 /// Where tasks start, m, and their pitch, degrees.
 const FORWARD: RangeInclusive<f64> = 3.0..=8.5;
@@ -55,7 +55,20 @@ impl DrawnTask {
             TipPiece { shape, pitch: turns.then_some(turned), free: None }
         });
         let pieces = pieces.collect();
-        Self { task: TipTask { start, pitch, speed, free: None, rounding: 0.0, file: None, pieces }, payload, scenario }
+        Self {
+            task: TipTask {
+                start,
+                pitch,
+                speed,
+                free: None,
+                rounding: 0.0,
+                file: None,
+                pieces,
+                without: TipWithout::default(),
+            },
+            payload,
+            scenario,
+        }
     }
 }
 

@@ -28,7 +28,12 @@ const PANEL: (f64, f64, f64, f64) = (90.0, 670.0, 860.0, 140.0);
 const POSES: usize = 3;
 /// Least range of the lower panel, m.
 const LEAST_RANGE: f64 = 5e-3;
-const COLOURS: [&str; 2] = ["#d55e00", "#0072b2"];
+const COLOURS: [&str; MOST_RUNS] = ["#d55e00", "#0072b2", "#009e73", "#cc79a7"];
+/// Runs that one picture shows.
+pub const MOST_RUNS: usize = 4;
+/// Runs that are named beside each other, and the height of their line.
+const NAMES: usize = 2;
+const NAME_HEIGHT: f64 = 22.0;
 
 /// Draws the runs of one task by the names of their controllers.
 pub fn picture(mechanism: &Mechanism, title: &str, runs: &[(&str, Vec<TracePoint>)]) -> String {
@@ -45,15 +50,17 @@ pub fn picture(mechanism: &Mechanism, title: &str, runs: &[(&str, Vec<TracePoint
         let way: Vec<_> = first.iter().map(|point| VIEW.at(point.planned)).collect();
         line(&mut svg, &way, "#202020", 1.5, " stroke-dasharray=\"6 4\"");
     }
-    for ((name, run), colour) in runs.iter().zip(COLOURS) {
+    for (number, ((name, run), colour)) in runs.iter().zip(COLOURS).enumerate() {
         band(&mut svg, run, colour);
-        let x = 20.0 + 400.0 * runs.iter().position(|(other, _)| other == name).unwrap_or_default() as f64;
+        let x = 20.0 + 480.0 * (number % NAMES) as f64;
+        let y = 56.0 + NAME_HEIGHT * (number / NAMES) as f64;
         let rms = (run.iter().map(|point| point.error * point.error).sum::<f64>() / run.len().max(1) as f64).sqrt();
         let most = run.iter().map(|point| point.error.abs()).fold(0.0, f64::max);
         let text = format!("{name}: {:.1} mm rms, at most {:.1} mm", 1e3 * rms, 1e3 * most);
-        let _ = writeln!(svg, "<text x=\"{x}\" y=\"56\" fill=\"{colour}\">{text}</text>");
+        let _ = writeln!(svg, "<text x=\"{x}\" y=\"{y}\" fill=\"{colour}\">{text}</text>");
     }
-    let _ = writeln!(svg, "<text x=\"20\" y=\"80\" fill=\"#606060\">band: error times {LARGER}</text>");
+    let y = 58.0 + NAME_HEIGHT * runs.len().div_ceil(NAMES) as f64;
+    let _ = writeln!(svg, "<text x=\"20\" y=\"{y}\" fill=\"#606060\">band: error times {LARGER}</text>");
     panel(&mut svg, runs);
     svg + "</svg>\n"
 }

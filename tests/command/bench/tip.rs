@@ -1,0 +1,112 @@
+//! `hydraxis bench tip`: figures of the teeth, measures that are switched off, and the picture.
+
+use std::{fs, path::Path};
+
+use serde_json::Value;
+
+use crate::harness::cli::{expect_refusal, success};
+
+/// One task with one speed, payload and scenario.
+const ONE: [&str; 10] =
+    ["bench", "tip", "--task", "level", "--scenario", "nominal", "--payload", "0", "--speed", "0.5m/s"];
+
+fn rows(arguments: &[&str]) -> Vec<Value> {
+    let text = success(Path::new("."), &[arguments, &["--json", "-"]].concat());
+    serde_json::from_str::<Value>(&text).unwrap()["rows"].as_array().unwrap().clone()
+}
+
+#[test]
+fn drawn_tasks_of_the_teeth_are_refused_before_they_begin_or_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let chosen = ["bench", "tip", "--drawn", "10", "--seed", "1", "--scenario", "nominal", "--json", "-"];
+    let text = success(folder.path(), &chosen);
+    assert_eq!(success(folder.path(), &[&chosen[..], &["--threads", "1"]].concat()), text);
+    let figures: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(figures["drawn_with"], 1);
+    let rows = figures["rows"].as_array().unwrap();
+    let (refused, driven): (Vec<&Value>, Vec<&Value>) = rows.iter().partition(|row| row["refused"].is_string());
+    // Each by both controllers.
+    assert!(rows.len() == 20 && !refused.is_empty() && !driven.is_empty(), "{text}");
+    for row in refused {
+        assert!(row["rms"].is_null() && row["refused"].as_str().unwrap().starts_with("tip.piece["), "{row}");
+    }
+    for row in driven {
+        assert_eq!((&row["latches"], &row["is_done"]), (&Value::Array(Vec::new()), &Value::Bool(true)), "{row}");
+        assert!(row["way"].as_str().unwrap().starts_with("[tip]\nstart = ["), "{row}");
+        assert!((1e-4..0.2).contains(&row["rms"].as_f64().unwrap()), "{row}");
+    }
+}
+
+#[test]
+fn every_measure_that_is_switched_off_changes_what_it_says() {
+    let rows = rows(&[&ONE[..], &["--without", "all"]].concat());
+    let names: Vec<&str> = rows.iter().map(|row| row["controller"].as_str().unwrap()).collect();
+    let less = ["feedforward", "learning", "hysteresis", "scaling", "waiting", "free-axis"];
+    let less = less.map(|measure| format!("without-{measure}"));
+    let expected: Vec<&str> =
+        ["fallback", "model"].into_iter().chain(less.iter().map(String::as_str)).chain(["joint"]).collect();
+    assert_eq!(names, expected);
+    let of = |name: &str| rows.iter().find(|row| row["controller"] == name).unwrap();
+    let figure = |name: &str, key: &str| of(name)[key].as_f64().unwrap();
+    for name in &names {
+        assert_eq!((&of(name)["is_done"], &of(name)["latches"]), (&true.into(), &Value::Array(Vec::new())), "{name}");
+        let differs = figure(name, "rms") != figure("fallback", "rms");
+        assert_eq!(differs, *name != "fallback", "{name}");
+    }
+    let by_fallback = |name: &str, key: &str| figure(name, key) / figure("fallback", key);
+    // Every cylinder has to move by its error alone.
+    assert!(by_fallback("without-feedforward", "rms") > 2.0, "{rows:?}");
+    assert!(by_fallback("without-learning", "rms") > 1.05 && by_fallback("without-hysteresis", "rms") > 1.05);
+    // At 0.5 m/s axes and pump are what slows the plan.
+    for name in ["without-scaling", "joint"] {
+        assert!(by_fallback(name, "duration") < 0.9 && by_fallback(name, "rms") > 1.5, "{name}: {rows:?}");
+    }
+    for name in ["without-feedforward", "without-learning", "without-hysteresis", "without-waiting"] {
+        assert_eq!(by_fallback(name, "duration"), 1.0, "{name}");
+    }
+    // What nothing slows takes the planned time, to a period; the lag of the teeth makes it longer.
+    let late = |name: &str| figure(name, "time") - figure(name, "duration");
+    assert!(late("without-waiting") < 0.015 && late("joint") < 0.015, "{rows:?}");
+    assert!(late("fallback") > 0.04 && late("without-scaling") > 0.2, "{rows:?}");
+    for name in &names {
+        let stays = of(name)["way"].as_str().unwrap().contains("telescope = 0.6");
+        assert_eq!(stays, ["without-free-axis", "joint"].contains(name), "{name}");
+    }
+}
+
+#[test]
+fn a_task_that_cannot_be_done_without_the_free_axis_is_refused_and_told() {
+    // Within these limits the boom can only stand, and telescope and arm do the level cut.
+    let mut chosen = [&ONE[..], &["--without", "free-axis", "--set", "axis.boom.soft_limits=[0.75, 0.85]"]].concat();
+    let follows = ["boom", "arm", "telescope", "bucket"].map(|axis| format!("axis.{axis}.reference.kind=tip"));
+    chosen.extend(follows.iter().flat_map(|setting| ["--set", setting.as_str()]));
+    let text = success(Path::new("."), &chosen);
+    assert!(text.contains("without-free-axis, level: 1 refused, the first of them: tip.piece[0]: found ["), "{text}");
+    assert!(text.contains("where axis.boom would have to be at "), "{text}");
+}
+
+#[test]
+fn seeds_are_summed_up_and_a_picture_shows_up_to_four_controllers() {
+    let folder = tempfile::tempdir().unwrap();
+    let two = [&ONE[..], &["--without", "scaling", "--seeds", "2"]].concat();
+    let text = success(folder.path(), &two);
+    let line = text.lines().find(|line| line.contains("without-scaling ")).unwrap();
+    assert_eq!(line.split_whitespace().nth(1), Some("2"), "{text}");
+    let picture = [&ONE[..], &["--without", "scaling", "--picture", "cut.svg"]].concat();
+    success(folder.path(), &picture);
+    let svg = fs::read_to_string(folder.path().join("cut.svg")).unwrap();
+    for name in ["fallback: ", "model: ", "without-scaling: "] {
+        assert_eq!(svg.matches(name).count(), 1, "{name}");
+    }
+    let many = [&ONE[..], &["--without", "all", "--picture", "cut.svg"]].concat();
+    expect_refusal(folder.path(), &many, &["--picture: found 9 runs", "at most 4 controllers"]);
+}
+
+#[test]
+fn no_key_of_a_machine_file_switches_a_measure_off() {
+    for key in ["tip.without", "tip.without.scaling", "axis.boom.control.without.learning"] {
+        let set = format!("{key}=true");
+        expect_refusal(Path::new("."), &["check", "--set", &set], &["found an unknown key"]);
+    }
+    expect_refusal(Path::new("."), &["bench", "tip", "--without", "walls"], &["walls", "free-axis", "teeth"]);
+}

@@ -11,7 +11,7 @@ use pipeline::{
 };
 use serde::Serialize;
 
-use super::{super::super::simulate::closed_loop, controller::Controller, drawn::toml};
+use super::{super::super::simulate::closed_loop, AROUND, PATIENCE, controller::Controller, drawn::toml};
 use crate::{
     failure::Failure,
     group::operator,
@@ -35,10 +35,6 @@ pub struct Case<'m> {
     pub controller: Controller,
     /// Seed of the noise of the encoders.
     pub seed: u64,
-    /// Time that is given to the motion, in parts of the planned one.
-    pub patience: f64,
-    /// Time before the begin of the motion and after its end, s.
-    pub around: f64,
 }
 
 /// The figures of one run; m, degrees, s.
@@ -108,7 +104,7 @@ impl Case<'_> {
                 plant.initial_position = first.1;
             }
         }
-        let duration = Duration::from_secs_f64(self.patience * teeth.plan().duration() + self.around);
+        let duration = Duration::from_secs_f64(PATIENCE * teeth.plan().duration() + AROUND);
         let ticks = samples_of(duration, machine.timing.period) as u64;
         let mut latched = vec![0; machine.axes.len()];
         closed_loop::run(&machine, self.seed, ticks, |tick| {

@@ -48,15 +48,11 @@ use picture::{MOST_RUNS, picture};
 use report::TipReport;
 use task::TipTaskKind;
 
-/// Time of a drawn task, and of a comparison of measures, in parts of the planned one: teeth that lag behind slow the
-/// motion.
+/// Time of the motion in parts of the planned one: teeth that lag behind slow it.
 const PATIENCE: f64 = 1.5;
-
-/// Time in which the axes settle, come to the begin of the way, and stand after its end, s.
-const AROUND: f64 = 5.0;
-/// The same in a comparison of measures, s: without some of them an axis comes no closer to the begin than some mm, and
-/// the others wait 5 s for it.
-const AROUND_WITHOUT: f64 = 12.0;
+/// Time in which the axes settle, come to the begin of the way, and stand after its end, s. The others wait 5 s for an
+/// axis that comes no closer to its begin than some mm.
+const AROUND: f64 = 12.0;
 
 /// Runs the command.
 pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {
@@ -94,8 +90,6 @@ fn named<'m>(arguments: &BenchTipArguments, machines: &'m [Machine], controllers
     let or = |given: &[f64], all: &[f64]| if given.is_empty() { all.to_vec() } else { given.to_vec() };
     let kinds = if arguments.tasks.is_empty() { TipTaskKind::ALL.to_vec() } else { arguments.tasks.clone() };
     let (speeds, payloads) = (or(&arguments.speeds, &[0.2, 0.35, 0.5]), or(&arguments.payloads, &[0.0, 1e3, 1.5e3]));
-    let patience = if arguments.without.is_empty() { 1.0 } else { PATIENCE };
-    let around = around(arguments);
     let mut cases = Vec::new();
     for kind in kinds {
         for (speed, payload) in speeds.iter().flat_map(|speed| payloads.iter().map(move |payload| (*speed, *payload))) {
@@ -104,7 +98,7 @@ fn named<'m>(arguments: &BenchTipArguments, machines: &'m [Machine], controllers
             {
                 let case = |seed| {
                     let (name, task) = (kind.name().to_owned(), kind.task(speed));
-                    Case { name, task, payload, machine, controller, seed, patience, around }
+                    Case { name, task, payload, machine, controller, seed }
                 };
                 cases.extend((1..=arguments.seeds).map(case));
             }
@@ -120,21 +114,16 @@ fn drawn<'m>(
     machines: &'m [Machine],
     controllers: &[Controller],
 ) -> Vec<Case<'m>> {
-    let around = around(arguments);
     let of = |number: u64| {
         let DrawnTask { task, payload, scenario } = DrawnTask::new(arguments.seed, number);
         let machine = &machines[((scenario * machines.len() as f64) as usize).min(machines.len() - 1)];
         let case = move |controller: &Controller| {
             let (name, task, controller) = (number.to_string(), task.clone(), *controller);
-            Case { name, task, payload, machine, controller, seed: 1 + number, patience: PATIENCE, around }
+            Case { name, task, payload, machine, controller, seed: 1 + number }
         };
         controllers.iter().map(case)
     };
     (0..count).flat_map(of).collect()
-}
-
-fn around(arguments: &BenchTipArguments) -> f64 {
-    if arguments.without.is_empty() { AROUND } else { AROUND_WITHOUT }
 }
 
 /// The machine under each of the scenarios.

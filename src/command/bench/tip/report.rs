@@ -196,11 +196,13 @@ impl TipReport {
                     format!("{} {} kg: {}", row.scenario, row.payload, millimetres(row.rms))
                 }),
                 number(driven().filter_map(|row| row.duration).fold(f64::NAN, f64::max)),
+                driven().filter(|row| !row.is_done).count().to_string(),
                 format!("{}", group.iter().filter(|row| row.refused.is_some()).count()),
                 format!("{}", group.iter().filter(|row| !row.latches.is_empty()).count()),
             ]
         });
-        let header = ["task", "speed", "controller", "nominal", "all", "max", "worst", "s", "refused", "latched"];
+        let header =
+            ["task", "speed", "controller", "nominal", "all", "max", "worst", "s", "not done", "refused", "latched"];
         format!(
             "Distance of the teeth from their way, mm (rms; max over all runs):\n{}\n",
             table(&header, lines.collect())

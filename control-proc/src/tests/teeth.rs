@@ -17,7 +17,7 @@ struct Ideal {
     sequence: u64,
     /// An axis whose encoder has failed.
     failed: Option<usize>,
-    /// How far the bucket stays behind its reference, m.
+    /// How far the bucket drifts from its reference within 1 s, m: slowly enough for an axis at rest.
     beside: f64,
 }
 
@@ -51,7 +51,7 @@ impl Ideal {
         for (position, axis) in self.positions.iter_mut().zip(&command.axes) {
             *position = axis.reference;
         }
-        self.positions[3] -= self.beside;
+        self.positions[3] -= self.beside * (self.sequence as f64 / 100.0).min(1.0);
         self.sequence += 1;
         command
     }

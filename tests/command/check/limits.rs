@@ -22,7 +22,7 @@ fn limits_within_their_ranges_are_accepted_and_others_refused() {
             "stop_reaction",
             "0.29",
             "0.28",
-            "allowed: 0.28359434589938215 s or more, commissioned.dead_time + time_const",
+            "allowed: 0.2863260431579654 s or more, commissioned.dead_time + time_const",
         ),
         ("rest_band", "0.001", "1", "allowed: a number from 0.000001 to 0.1 m"),
         ("rest_band", "0.0002", "1e-5", "allowed: 0.0002 m or more, 2 counts of the encoder"),

@@ -32,7 +32,7 @@
 //!
 //! The model is fitted on the first two thirds of the motion and judged on the rest: half a second ahead, with the
 //! command, the drift and the start known. How straight the curve is, is decided by that rest: of the weights of its
-//! bends ([`STRAIGHTNESSES`]) the largest one counts that explains about as much of it as the best. So does the `start`
+//! bends (`STRAIGHTNESSES`) the largest one counts that explains about as much of it as the best. So does the `start`
 //! of the oil: it is kept where it explains clearly more of the fitted part and more of the rest. Then all is fitted
 //! once more on the whole.
 //!

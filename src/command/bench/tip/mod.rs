@@ -15,11 +15,11 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`task`] | the six tasks |
-//! | [`drawn`] | tasks that are drawn at random |
+//! | `drawn` | tasks that are drawn at random |
 //! | [`controller`] | what drives them, and the measures |
 //! | [`case`] | one run |
 //! | [`report`] | the tables |
-//! | [`picture`] | the picture of one task |
+//! | `picture` | the picture of one task |
 
 mod arguments;
 mod case;

@@ -51,6 +51,22 @@ fn an_s_behind_a_wide_dead_band_is_found() {
     expect_found(&machine, 0.05, 0.045, 0.4);
 }
 
+/// The telescope of the excavator with servo valves retracts 0.4 s later than it extends: its pump has to come up.
+#[test]
+fn a_direction_that_starts_late_is_not_taken_for_a_slow_one() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/excavator-servo.toml");
+    let machine = Machine::load(Some(file.as_ref()), &[]).unwrap();
+    let telescope = 2;
+    let run = Run::of(&machine, telescope, &ExperimentOptions::default(), 1).expect_finished();
+    let found = analyse(run.experiment.record()).unwrap();
+    for command in [0.2, 0.3, 0.5, -0.2, -0.3, -0.5] {
+        let truth = steady_speed(&machine, telescope, command);
+        let part = found.speed(command) / truth;
+        println!("{command}: {truth:.4} m/s, found {part:.3} of it");
+        assert!((0.8..=1.2).contains(&part), "{command}: {truth} m/s, found {part} of it");
+    }
+}
+
 #[test]
 fn cold_oil_is_found() {
     let mut machine = under("nominal");

@@ -9,7 +9,7 @@ use crate::{
     failure::Failure,
     report::{
         motion::{AxisPoint, Format, Plot},
-        output::{OutputError, create},
+        output::{create, written},
     },
 };
 
@@ -52,12 +52,8 @@ pub fn run(arguments: &PlotArguments) -> Result<(), Failure> {
     let plot = read(arguments)?;
     let mut file = create("--output", &arguments.output)?;
     let bytes = plot.file(format).map_err(|error| Failure::run(error).about("--output"))?;
-    match file.write_all(&bytes).and_then(|()| file.flush()) {
-        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(OutputError::Write { option: "--output", path: arguments.output.clone(), source }.into())
-        }
-        _ => Ok(()),
-    }
+    let result = file.write_all(&bytes).and_then(|()| file.flush());
+    Ok(written("--output", &arguments.output, result)?)
 }
 
 /// Gives the rows without a mode the one of the row before.

@@ -161,6 +161,19 @@ pub fn create(option: &'static str, path: &Path) -> Result<Box<dyn Write>, Outpu
     }
 }
 
+/// An output that was written, of `option` to a file. A reader that has closed its end, such as `head`, is no error.
+///
+/// # Errors
+/// It cannot be written for another reason.
+pub fn written(option: &'static str, path: &Path, result: io::Result<()>) -> Result<(), OutputError> {
+    match result {
+        Err(source) if source.kind() != io::ErrorKind::BrokenPipe => {
+            Err(OutputError::Write { option, path: path.to_owned(), source })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// A file that keeps what it had until something is written: work that fails takes no earlier result with it.
 struct Kept {
     file: File,

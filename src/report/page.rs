@@ -132,7 +132,7 @@ fn fitted(svg: &str, (width, height): (u32, u32)) -> String {
     svg.replacen(&format!("width=\"{width}\" height=\"{height}\" "), "", 1)
 }
 
-/// Text in HTML.
+/// Text in HTML, SVG and XML, and as the value of an attribute.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

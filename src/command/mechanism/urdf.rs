@@ -22,6 +22,7 @@ use mechanism::{Body, Mechanism, Vector};
 use pipeline::machine::Machine;
 
 use super::{along_strokes, joint_ranges};
+use crate::report::page::escaped;
 
 /// Width of the boxes that stand for the bodies in a viewer, m.
 const BOX: f64 = 0.3;
@@ -123,9 +124,4 @@ fn joint(child: &str, parent: &str, kind: &str, origin: Vector, limits: Option<&
         );
     }
     text + "  </joint>\n"
-}
-
-/// The text as the value of an attribute of XML.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

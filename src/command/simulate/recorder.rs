@@ -13,7 +13,7 @@ use crate::{
     failure::Failure,
     report::{
         motion::{AxisPoint, Format, Plot},
-        output::{OutputError, create},
+        output::{OutputError, create, written},
     },
 };
 
@@ -162,12 +162,8 @@ impl Recorder {
         self.write(|writer| Ok(writer.flush()?))?;
         let Some(Picture { path, mut file, format, plot }) = self.plot else { return Ok(()) };
         let bytes = plot.file(format).map_err(|error| Failure::run(error).about("--plot"))?;
-        match file.write_all(&bytes).and_then(|()| file.flush()) {
-            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-                Err(OutputError::Write { option: "--plot", path, source: error }.into())
-            }
-            _ => Ok(()),
-        }
+        let result = file.write_all(&bytes).and_then(|()| file.flush());
+        Ok(written("--plot", &path, result)?)
     }
 
     /// Writes to the trajectory, if there is one. A reader that has closed its end, such as `head`, is no error.

@@ -15,7 +15,7 @@ use crate::{
     arguments::load_bare,
     failure::Failure,
     report::{
-        output::{Output, OutputError, create, expect_one_stdout, is_stdout},
+        output::{Output, create, expect_one_stdout, is_stdout, written},
         rows::{CsvRows, field},
     },
 };
@@ -47,11 +47,11 @@ pub fn run(arguments: &TipArguments) -> Result<(), Failure> {
     if let (Some(path), Some(mechanism)) = (&arguments.plot, &machine.mechanism) {
         let svg = picture::picture(&machine, mechanism, &plan, &account);
         let mut file = create("--plot", path)?;
-        written(("--plot", path), file.write_all(svg.as_bytes()).and_then(|()| file.flush()))?;
+        written("--plot", path, file.write_all(svg.as_bytes()).and_then(|()| file.flush()))?;
     }
     if let Some(path) = &arguments.trajectory {
         let file = create("--trajectory", path)?;
-        written(("--trajectory", path), write_trajectory(&machine, &plan, file))?;
+        written("--trajectory", path, write_trajectory(&machine, &plan, file))?;
     }
     let report = TipReport::new(&machine, &plan, &account);
     Ok(output.write(|| report.tables(), &report)?)
@@ -59,16 +59,6 @@ pub fn run(arguments: &TipArguments) -> Result<(), Failure> {
 
 fn is_svg(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg"))
-}
-
-/// An output that was written; a reader that has closed its end, such as `head`, is no error.
-fn written((option, path): (&'static str, &Path), result: std::io::Result<()>) -> Result<(), OutputError> {
-    match result {
-        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(OutputError::Write { option, path: path.to_owned(), source })
-        }
-        _ => Ok(()),
-    }
 }
 
 fn missing(arguments: &TipArguments) -> Failure {

@@ -13,6 +13,7 @@ use crate::report::{
         outline::{GROUND, View, line},
         side::{Drawn, Side},
     },
+    page::escaped,
 };
 
 /// Width, height of the machine, and of each panel below it.
@@ -61,11 +62,6 @@ pub fn picture(machine: &Machine, mechanism: &Mechanism, plan: &TipPlan, account
     }
     text(&mut svg, (RIGHT, height - 0.3 * GAP), "end", &format!("time, 0 to {:.1} s", plan.duration()));
     svg + "</svg>\n"
-}
-
-/// A text that may have signs of its own, as part of a picture.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 fn text(svg: &mut String, (x, y): (f64, f64), anchor: &str, text: &str) {

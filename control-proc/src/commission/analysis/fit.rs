@@ -21,8 +21,6 @@ const ROW_SPACING: f64 = 0.03;
 const DRIFT: usize = 2 * KNOTS;
 /// Unknowns.
 const COUNT: usize = DRIFT + 2;
-/// Oil that flows at once.
-const NO_START: Start = Start { times: [0.0; 2], lag: 0.0 };
 
 /// What is found together with a model and is no part of it: how an axis moves by itself, as its oil leaks under the
 /// load, and how late it starts.
@@ -117,14 +115,6 @@ impl Data<'_> {
         normal
     }
 
-    /// How far the model has moved at every sample, m.
-    pub fn modelled(&self, model: &Commissioned) -> Vec<f64> {
-        let integrals =
-            integrate(self.record, self.end, &Dynamics::of_model(model, NO_START), |x| [model.spool_speed(x)]);
-        let at = |k: usize| delayed(&integrals, k, model.dead_time, self.record.period)[0];
-        (0..self.end).map(at).collect()
-    }
-
     /// How much of the motion the model and what is beside it explain `seconds` ahead, percent.
     pub fn judge(&self, model: &Commissioned, beside: &Beside, seconds: f64) -> f64 {
         let period = self.record.period;
@@ -145,6 +135,13 @@ impl Data<'_> {
         }
         100.0 * (1.0 - (error / motion).sqrt())
     }
+}
+
+/// How far the axis has moved since the first sample, m, at every sample of a record, by a model of it.
+pub fn modelled(record: &ExperimentRecord, model: &Commissioned) -> Vec<f64> {
+    let end = record.positions.len();
+    let integrals = integrate(record, end, &Dynamics::of_model(model, Start::NONE), |x| [model.spool_speed(x)]);
+    (0..end).map(|k| delayed(&integrals, k, model.dead_time, record.period)[0]).collect()
 }
 
 /// What is between a command and its motion, apart from the dead time and the curve.

@@ -53,6 +53,7 @@ mod start;
 use pipeline::machine::{Commissioned, DeadBand};
 
 use super::record::ExperimentRecord;
+pub use fit::modelled;
 use fit::{Beside, Data};
 use shape::{KNOTS, Parameters, Shape};
 use simplex::minimum;
@@ -179,12 +180,6 @@ impl Candidate<'_> {
         let is_better = started.point.cost < CLEARLY_BETTER * self.point.cost && started.explained > self.explained;
         Ok(if is_better { started } else { self })
     }
-}
-
-/// How far the axis has moved since the first sample, m, at every sample of a record, by a model of it.
-pub fn modelled(record: &ExperimentRecord, model: &Commissioned) -> Vec<f64> {
-    let (end, straightness) = (record.positions.len(), STRAIGHTNESSES[0]);
-    Data { record, begin: 0, end, drifts: false, straightness }.modelled(model)
 }
 
 /// The sample before which [`FITTED_PART`] of the motion is.

@@ -44,8 +44,7 @@ impl Spring {
 
     /// That of a commissioned model.
     pub fn of_model(model: &Commissioned) -> Self {
-        let period = if model.natural_frequency > 0.0 { 1.0 / model.natural_frequency } else { 0.0 };
-        Self { period, damping: model.damping }
+        Self { period: model.swing_period(), damping: model.damping }
     }
 
     /// w / 2 pi, Hz; 0 for a stiff load.

@@ -39,6 +39,9 @@ pub(super) struct Pressure {
 }
 
 impl Start {
+    /// Oil that flows at once.
+    pub const NONE: Self = Self { times: [0.0; 2], lag: 0.0 };
+
     /// Whether it is in the ranges that are searched.
     pub fn is_allowed(self) -> bool {
         if self.lag == 0.0 {
@@ -106,7 +109,7 @@ mod tests {
 
     #[test]
     fn oil_that_flows_at_once_leaves_the_curve_as_it_is() {
-        let mut pressure = Start { times: [0.0; 2], lag: 0.0 }.pressure(STEP);
+        let mut pressure = Start::NONE.pressure(STEP);
         assert_eq!(pressure.advance(0.3, [0.2, -0.1]), [0.2, -0.1]);
     }
 }

@@ -38,7 +38,7 @@ use crate::{
     arguments::{load_bare, simulated_only},
     command::check,
     failure::Failure,
-    report::output::{Output, OutputError, create},
+    report::output::{Output, create, written},
 };
 pub use arguments::BenchTipArguments;
 use case::Case;
@@ -79,8 +79,7 @@ pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {
         let row = &report.rows()[0];
         let title = format!("{}, {} m/s, {} kg, {}", row.task, row.speed, row.payload, row.scenario);
         let text = picture(mechanism, &title, &runs);
-        let failed = |source| OutputError::Write { option: "--picture", path: file.clone(), source };
-        create("--picture", file)?.write_all(text.as_bytes()).map_err(failed)?;
+        written("--picture", file, create("--picture", file)?.write_all(text.as_bytes()))?;
     }
     Ok(output.write(|| report.tables(), &report)?)
 }

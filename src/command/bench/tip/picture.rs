@@ -13,6 +13,7 @@ use crate::report::{
         outline::{GROUND, View, line, listed},
         side::Side,
     },
+    page::escaped,
     teeth::TracePoint,
 };
 
@@ -41,7 +42,8 @@ pub fn picture(mechanism: &Mechanism, title: &str, runs: &[(&str, Vec<TracePoint
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
          font-size=\"16\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n\
-         <text x=\"20\" y=\"30\" font-size=\"20\">{title}</text>\n"
+         <text x=\"20\" y=\"30\" font-size=\"20\">{}</text>\n",
+        escaped(title)
     );
     let ground = VIEW.origin.1;
     line(&mut svg, &[(0.0, ground), (width, ground)], GROUND, 2.0, "");

@@ -26,6 +26,7 @@ use pipeline::{
 
 use crate::{
     axis::{AxisController, AxisInput, UNUSABLE_LIMIT, patience, requests::STREAM_TIMEOUT},
+    load::Loads,
     operators::Operators,
     protection::walls::{Walls, Wanted},
     reference::{generator::ReferenceGenerator, path::Path},
@@ -45,6 +46,8 @@ pub struct Controller {
     period: f64,
     axes: Vec<AxisController>,
     walls: Option<Walls>,
+    /// None for a machine without a mechanism.
+    loads: Option<Loads>,
     /// None for a machine without a mechanism.
     teeth: Option<TipWatch>,
     request: Option<Request>,
@@ -73,6 +76,7 @@ impl Controller {
             path: Path::new(axes.iter().map(AxisController::ahead).max().unwrap_or_default(), period, patience(period)),
             axes,
             walls: Walls::of(machine),
+            loads: Loads::of(machine),
             teeth: TipWatch::of(machine),
             request: None,
             operators: Operators::new(samples_of(STREAM_TIMEOUT, machine.timing.period).max(1) as u64),
@@ -192,6 +196,7 @@ impl Controller {
         };
         (self.last_sequence, self.repeated) = (Some(sequence), 0);
 
+        self.bear_loads();
         self.advance_path(sequence);
         self.lead_teeth();
 
@@ -229,17 +234,28 @@ impl Controller {
         });
     }
 
+    /// Positions of the axes of a mechanism, m; none while one of them is not known.
+    fn positions(&self) -> Option<[f64; AXES]> {
+        let mut positions = [0.0; AXES];
+        for (place, axis) in positions.iter_mut().zip(&self.axes) {
+            *place = axis.position()?;
+        }
+        Some(positions)
+    }
+
+    /// Works out what the axes bear where they were last. While a position is not known, that stays as it was.
+    fn bear_loads(&mut self) {
+        let Some((loads, positions)) = self.loads.as_ref().zip(self.positions()) else { return };
+        for (axis, load) in self.axes.iter_mut().zip(loads.at(&positions)) {
+            axis.bear(load);
+        }
+    }
+
     /// Works out where the teeth are.
     fn watch_teeth(&mut self, command: &mut ValveCommand) {
+        let positions = self.positions();
         let Some(teeth) = &mut self.teeth else { return };
-        let (mut positions, mut references) = (Some([0.0; AXES]), [0.0; AXES]);
-        for (i, axis) in self.axes.iter().enumerate().take(AXES) {
-            references[i] = command.axes[i].reference;
-            positions = positions.zip(axis.position()).map(|(mut all, position)| {
-                all[i] = position;
-                all
-            });
-        }
+        let references = std::array::from_fn(|i| command.axes[i].reference);
         let now = self.path.ticks()[0];
         let since = self.generator.tip_start().map(|start| self.period * (now - start)).filter(|t| *t >= 0.0);
         let plan = self.generator.plan().zip(since).filter(|(plan, t)| *t <= plan.duration());

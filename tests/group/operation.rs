@@ -452,7 +452,7 @@ fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     group.start_all_but(StageKind::IdentProc, &arguments);
 
     let mut experiment = Experiment::new(&machine.axes[AXIS], &machine.timing, &options);
-    let mut record = ExperimentRecord { period: 0.01, swing: 0.0, commands: Vec::new(), positions: Vec::new() };
+    let mut record = ExperimentRecord::new(0.01, 0);
     for tick in 0..ticks {
         let sample: EncoderSample = wait_for("a sample", || {
             snapshots.greet();

@@ -5,6 +5,7 @@ use pipeline::machine::{Axis, ModelChoice};
 
 use crate::{
     fallback::Memory,
+    load::Load,
     model::{gate::ModelAnswer, judge::Approved, shadow::Shadow},
     predictive::{Predictive, history::History},
     protection::limits::Limits,
@@ -62,6 +63,16 @@ impl ModelLaw {
         }
         if let Some(shadow) = &mut self.shadow {
             shadow.reset();
+        }
+    }
+
+    /// The axis bears this load from now on.
+    pub fn bear(&mut self, load: Load) {
+        if let Law::Smith(smith) = &mut self.law {
+            smith.bear(load);
+        }
+        if let Some(shadow) = &mut self.shadow {
+            shadow.bear(load);
         }
     }
 

@@ -65,6 +65,7 @@ use pipeline::{
 
 use crate::{
     fallback::Fallback,
+    load::Load,
     model::gate::Gate,
     protection::{Protection, walls::Wanted},
     reference::{References, generator::ReferenceGenerator},
@@ -291,6 +292,12 @@ impl AxisController {
             }
             _ => self.stand(snapshot_flags),
         }
+    }
+
+    /// The axis bears this load from now on.
+    pub fn bear(&mut self, load: Load) {
+        self.fallback.bear(load);
+        self.law.bear(load);
     }
 
     /// Arms a disarmed axis: it settles and then tracks its reference. Without effect on an axis in another state.

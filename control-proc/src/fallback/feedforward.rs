@@ -3,11 +3,11 @@
 //! ```text
 //! L   = t_d + tau + T/2
 //! v_r = (y_r(t + L + T/2) - y_r(t + L - T/2)) / T          straight lines between the references of the ticks
-//! u_r = b + (c^-1(v_r) - b) min(|v_r| / v_s, 1)
+//! u_r = b + (c^-1(v_r / g) - b) min(|v_r| / v_s, 1)
 //! ```
 //!
 //! y_r reference in m, t now, T period in s, t_d dead time and tau time constant in s, c static curve of
-//! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. b is the part of the dead band that is
+//! [`Commissioned`], g what the load makes of its speeds ([`Load`]), v_r coming speed in m/s, v_s [`STILL`], u_r command. b is the part of the dead band that is
 //! compensated ([`Commissioned::compensated_dead_band`]), in the direction of the motion that begins in the 2 tau_s
 //! after t + L, and 0 where none does; tau_s is tau without the delay of a load that swings. A command that is sent now
 //! acts in the middle of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual
@@ -20,7 +20,7 @@
 
 use pipeline::machine::Commissioned;
 
-use crate::margins::mean_slope;
+use crate::{load::Load, margins::mean_slope};
 
 /// Speed below which a motion is left to the feedback more and more, m/s: at v_r = 0 the command would jump over the
 /// whole dead band.
@@ -90,8 +90,9 @@ impl Feedforward {
         self.lead.floor() as usize + self.before + 2
     }
 
-    /// What comes of y_r(k), y_r(k+1), .. in m. Beyond their end the last one counts; without references all is 0.
-    pub fn coming(&self, references: &[f64]) -> Coming {
+    /// What comes of y_r(k), y_r(k+1), .. in m, under `load`. Beyond their end the last one counts; without references
+    /// all is 0.
+    pub fn coming(&self, references: &[f64], load: &Load) -> Coming {
         let Some(last) = references.last() else { return Coming { position: 0.0, speed: 0.0, command: 0.0 } };
         let first = self.lead.floor() as usize;
         let part = self.lead.fract();
@@ -99,7 +100,7 @@ impl Feedforward {
         // The difference of two points on straight lines, one tick apart.
         let speed = |i: usize| ((1.0 - part) * (at(i + 1) - at(i)) + part * (at(i + 2) - at(i + 1))) / self.period;
         let now = speed(0);
-        let moving = self.model.command(now);
+        let moving = self.model.command(now / load.faster(now));
         let command = if now.abs() < STILL {
             let next = (1..=self.before).map(speed).find(|speed| speed.abs() >= STILL);
             let edge = next.map_or(0.0, |speed| self.edges[usize::from(speed < 0.0)]);
@@ -123,11 +124,11 @@ mod tests {
         let feedforward = Feedforward::new(&commissioned(), PERIOD);
         for speed in [0.2, 0.005, -0.1] {
             let targets: Vec<f64> = (0..40).map(|k| 0.3 + speed * PERIOD * f64::from(k)).collect();
-            let command = feedforward.coming(&targets).command;
+            let command = feedforward.coming(&targets, &Load::USUAL).command;
             assert!((commissioned().speed(command) - speed).abs() < 1e-9, "{speed}: {command}");
         }
-        assert_eq!(feedforward.coming(&[0.3; 40]).command, 0.0);
-        assert_eq!(feedforward.coming(&[]).command, 0.0);
+        assert_eq!(feedforward.coming(&[0.3; 40], &Load::USUAL).command, 0.0);
+        assert_eq!(feedforward.coming(&[], &Load::USUAL).command, 0.0);
     }
 
     #[test]
@@ -140,7 +141,7 @@ mod tests {
             let targets: Vec<f64> = (0..=ahead).map(|k| 0.1 * PERIOD * k.saturating_sub(start) as f64).collect();
             // The reference moves within (lead, lead + 1) ticks from now.
             let expected = (start as f64) < lead + 1.0;
-            let command = feedforward.coming(&targets).command;
+            let command = feedforward.coming(&targets, &Load::USUAL).command;
             assert_eq!(model.speed(command) != 0.0, expected, "{start}: {command}");
         }
     }
@@ -155,7 +156,7 @@ mod tests {
             let command = |start: usize| {
                 let targets: Vec<f64> =
                     (0..start + 200).map(|k| sign * 0.1 * PERIOD * k.saturating_sub(start) as f64).collect();
-                feedforward.coming(&targets).command
+                feedforward.coming(&targets, &Load::USUAL).command
             };
             assert_eq!(command(lead + before + 5), 0.0, "not earlier");
             for start in lead + 3..lead + before {
@@ -164,7 +165,7 @@ mod tests {
         }
         // After a motion the valve shuts.
         let stops: Vec<f64> = (0..200).map(|k| 0.1 * PERIOD * f64::from(k.min(2))).collect();
-        assert_eq!(feedforward.coming(&stops).command, 0.0);
+        assert_eq!(feedforward.coming(&stops, &Load::USUAL).command, 0.0);
     }
 
     #[test]
@@ -172,7 +173,7 @@ mod tests {
         let feedforward = Feedforward::new(&commissioned(), PERIOD);
         let creep = |speed: f64| {
             let targets: Vec<f64> = (0..40).map(|k| speed * PERIOD * f64::from(k)).collect();
-            feedforward.coming(&targets).command
+            feedforward.coming(&targets, &Load::USUAL).command
         };
         assert!(creep(1e-9).abs() < 1e-6 && creep(-1e-9).abs() < 1e-6);
         assert!(creep(1e-3) > 0.1 && creep(-1e-3) < -0.08);

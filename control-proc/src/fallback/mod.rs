@@ -50,7 +50,7 @@ use pipeline::machine::{Commissioned, Control};
 use feedforward::{Coming, Feedforward};
 use hysteresis::Hysteresis;
 
-use crate::protection::limits::Limits;
+use crate::{load::Load, protection::limits::Limits};
 
 /// Magnitude of v (command) below which the dead band is compensated only in part. With a kp of 4 1/m this is an error
 /// of 2.5 mm: some tens of encoder counts, and so well above the noise.
@@ -94,6 +94,7 @@ pub struct Fallback {
     limits: Limits,
     feedforward: Option<Feedforward>,
     memory: Memory,
+    load: Load,
     /// Part of this difference that is left a tick later.
     kept: f64,
 }
@@ -120,6 +121,7 @@ impl Fallback {
                 offset: 0.0,
                 learned: [0.0; 2],
             },
+            load: Load::USUAL,
             kept: (-period / HANDOVER).exp(),
         }
     }
@@ -132,6 +134,11 @@ impl Fallback {
     /// Changes the largest magnitude of a command.
     pub fn limit(&mut self, magnitude: f64) {
         self.limits.magnitude = magnitude;
+    }
+
+    /// The axis bears this load from now on.
+    pub fn bear(&mut self, load: Load) {
+        self.load = load;
     }
 
     /// Uses this part of kp and ki from now on. The command does not jump by more than the change of kp e.
@@ -157,7 +164,7 @@ impl Fallback {
 
     /// What the feed-forward makes of these references (m, from this tick on); none without feed-forward.
     pub fn coming(&self, references: &[f64]) -> Option<Coming> {
-        self.feedforward.as_ref().map(|feedforward| feedforward.coming(references))
+        self.feedforward.as_ref().map(|feedforward| feedforward.coming(references, &self.load))
     }
 
     /// u_r for these references (m, from this tick on); 0 without feed-forward.
@@ -206,7 +213,8 @@ impl Fallback {
     /// The part of kp and ki that is in use at this u_r: 1/q of what is asked for.
     fn gain_at(&self, forward: f64) -> f64 {
         let moving = self.feedforward.as_ref().filter(|_| forward != 0.0);
-        self.gain / (moving.map_or(1.0, |of| of.steepness(forward)) / SPARED).max(1.0)
+        let steepness = moving.map_or(1.0, |of| of.steepness(forward) * self.load.faster(forward));
+        self.load.gain * self.gain / (steepness / SPARED).max(1.0)
     }
 
     /// v_r + a L of this u_r.
@@ -307,6 +315,26 @@ mod tests {
         }
     }
 
+    /// A load pulls the axis twice as fast as its curve says while it extends, and it swings at half the gain.
+    #[test]
+    fn under_a_load_the_commands_of_a_motion_are_smaller_and_so_are_the_gains() {
+        let with = Control { feedforward: true, command_rate: 1e4, ..crate::tests::machine(1).axes[0].control };
+        let model = commissioned();
+        let targets: Vec<f64> = (0..60).map(|k| 0.2 * 0.01 * f64::from(k)).collect();
+        let command = |load: Load, error: f64| {
+            let mut fallback = Fallback::new(&with, Some(&model), 0.01);
+            fallback.bear(load);
+            fallback.update(error, fallback.forward(&targets), 0.0)
+        };
+        let loads = [Load::USUAL, Load { faster: [2.0, 1.0], gain: 1.0 }, Load { faster: [1.0, 2.0], gain: 0.5 }];
+        let speeds = loads.map(|load| model.speed(command(load, 0.0)));
+        for (speed, expected) in speeds.into_iter().zip([0.2, 0.1, 0.2]) {
+            assert!((speed - expected).abs() < 1e-9, "{speeds:?}");
+        }
+        let slopes = loads.map(|load| command(load, 0.01) - command(load, 0.0));
+        assert!(slopes[1] < 0.9 * slopes[0] && (slopes[2] / slopes[0] - 0.5).abs() < 1e-9, "{slopes:?}");
+    }
+
     /// The valve needs 0.04 more than its model says to extend, and 0.02 less to retract.
     #[test]
     fn what_the_feed_forward_lacks_is_learned_in_motion_for_each_direction() {
@@ -367,8 +395,8 @@ mod tests {
             (forward, rising, rising - turned, fallback.memory.learned[0])
         };
         let all = run(FallbackWithout::default());
-        let no_hysteresis = run(FallbackWithout { hysteresis: true, learning: false });
-        let no_learning = run(FallbackWithout { learning: true, hysteresis: false });
+        let no_hysteresis = run(FallbackWithout { hysteresis: true, ..FallbackWithout::default() });
+        let no_learning = run(FallbackWithout { learning: true, ..FallbackWithout::default() });
         assert!(all.0 > 0.1 && all.0 == no_hysteresis.0 && all.0 == no_learning.0);
         // The command turns back by less where the hysteresis is not made good.
         assert!(all.2 > 0.06 && no_hysteresis.2 < 0.045 && no_learning.2 > 0.06, "{all:?} {no_hysteresis:?}");

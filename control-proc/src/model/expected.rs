@@ -1,13 +1,14 @@
 //! The motion that the commissioned model expects of the commands.
 //!
 //! ```text
-//! x(k) = w(k) + exp(-T/tau) (x(k-1) - w(k))          v(k) = c(x(k))          Y(k) = Y(k-1) + T v(k)
+//! x(k) = w(k) + exp(-T/tau) (x(k-1) - w(k))          v(k) = g c(x(k))          Y(k) = Y(k-1) + T v(k)
 //! ```
 //!
-//! w acting command behind the play of the hysteresis ([`Play`]), c static curve in m/s, tau time constant in s, T
+//! w acting command behind the play of the hysteresis ([`Play`]), c static curve in m/s, g what the load makes of it ([`Load`]), tau time constant in s, T
 //! period in s. The axis has made the way Y(k-n) m after tick k; n = t_d/T dead time in ticks, with straight lines
 //! between the ticks.
 
+use crate::load::Load;
 use pipeline::{
     hammerstein::{MAX_DELAY, Play},
     machine::Commissioned,
@@ -21,6 +22,7 @@ pub struct ExpectedMotion {
     /// exp(-T/tau).
     kept: f64,
     play: Play,
+    load: Load,
     x: f64,
     /// v.
     speed: f64,
@@ -39,11 +41,17 @@ impl ExpectedMotion {
             period,
             kept: if model.time_constant > 0.0 { (-period / model.time_constant).exp() } else { 0.0 },
             play: Play::new(model.hysteresis),
+            load: Load::USUAL,
             x: 0.0,
             speed: 0.0,
             ways: vec![0.0; dead_ticks + 3],
             newest: 0,
         }
+    }
+
+    /// The axis bears this load from now on.
+    pub fn bear(&mut self, load: Load) {
+        self.load = load;
     }
 
     /// The axis stands, with the spool in the middle.
@@ -66,7 +74,7 @@ impl ExpectedMotion {
         for _ in 0..elapsed.clamp(1, self.ways.len() as u64) {
             let acting = self.play.acting(command);
             self.x = acting + self.kept * (self.x - acting);
-            self.speed = self.model.speed(self.x);
+            self.speed = self.load.faster(self.x) * self.model.speed(self.x);
             let way = self.ways[self.newest] + self.period * self.speed;
             self.newest = (self.newest + 1) % self.ways.len();
             self.ways[self.newest] = way;

@@ -18,6 +18,7 @@ use pipeline::machine::{Axis, Commissioned};
 use super::expected::ExpectedMotion;
 use crate::{
     fallback::{Fallback, Memory},
+    load::Load,
     protection::limits::Limits,
 };
 
@@ -53,6 +54,13 @@ impl Shadow {
     /// The fallback uses this part of its gains.
     pub fn scale(&mut self, part: f64) {
         self.fallback.scale(part);
+    }
+
+    /// The axis bears this load from now on.
+    pub fn bear(&mut self, load: Load) {
+        self.fallback.bear(load);
+        self.actual.bear(load);
+        self.expected.bear(load);
     }
 
     /// Forgets the past: the axis stands, and the spool is in the middle.

@@ -19,17 +19,20 @@
 //!
 //! | rule | v | t_i | what it does |
 //! |---|---|---|---|
-//! | gentle | of a person's commands, by the static curve | `stop_reaction` | these speeds become s times as fast |
+//! | gentle | of a person's commands, by static curve and load | `stop_reaction` | these speeds become s times as fast |
 //! | hard | the greater of measured and commanded | 1.5 (t_d + tau) + T + 20 ms + 1/w0 | s < 1: neutral |
 //!
 //! The hard rule spares axes that lead away. t_d is the dead time and tau the lag of the commissioned model; 1/w0
 //! counts only where a swing was found; a_i is `stop_deceleration`. An axis without a commissioned model has t_i = 1 s
 //! and c_i = 0, others have c_i = (t_d + tau)/2.
 //!
+//! Speeds of commands are g times those of the static curve where a load may overrun the axis ([`Overrun`]).
+//!
 //! Trap: an axis whose position is not known may be anywhere. Then all four are neutral.
 
+use crate::load::at_rest;
 use mechanism::{AXES, FourBar, Joint, Mechanism, Pose, PreparedMechanism, Rotation, Vector};
-use pipeline::machine::{Axis, Commissioned, Machine, Walls as WallSettings};
+use pipeline::machine::{Axis, Commissioned, Machine, Overrun, Walls as WallSettings};
 
 /// t of an axis that is not commissioned, s.
 const UNKNOWN_TIME: f64 = 1.0;
@@ -88,6 +91,7 @@ struct Stop {
     /// Part of the difference to a commanded speed that the axis makes good in a period.
     decay: f64,
     curve: Curve,
+    overrun: Overrun,
     /// Speed that the axis comes to by its commands so far, m/s.
     coming: f64,
 }
@@ -129,7 +133,7 @@ impl Stop {
         let limits = axis.motion_limits(period);
         let control = &axis.control;
         let (mut hard, mut away, mut lag) = (UNKNOWN_TIME, 0.0, UNKNOWN_TIME);
-        let mut swing = UNKNOWN_SWING;
+        let (mut swing, mut overrun) = (UNKNOWN_SWING, Overrun::NONE);
         let mut curve = Curve::Assumed(
             (control.dead_band.extend, control.dead_band.retract),
             control.command_limit,
@@ -142,6 +146,7 @@ impl Stop {
                 hard += 1.0 / swing;
             }
             (away, lag) = (SOONER * model.reaction(), model.time_constant);
+            overrun = model.overrun;
             curve = Curve::Measured(model.clone());
         }
         Self {
@@ -152,6 +157,7 @@ impl Stop {
             swing,
             decay: 1.0 - (-period / lag.max(1e-6)).exp(),
             curve,
+            overrun,
             coming: 0.0,
         }
     }
@@ -293,23 +299,33 @@ impl Walls {
     pub fn update(&mut self, wanted: &[Wanted; AXES]) -> Allowed {
         let mut allowed = Allowed { commands: wanted.map(|axis| axis.command), stopped: [false; AXES] };
         let known = wanted.each_ref().map(|axis| axis.motion);
+        let mut faster = [1.0; AXES];
         if let [Some(boom), Some(arm), Some(telescope), Some(bucket)] = known {
             let motion = [boom, arm, telescope, bucket];
-            self.restrict(wanted, &motion, &mut allowed);
+            let forces = at_rest(&self.mechanism, &motion.map(|(position, _)| position)).0;
+            faster =
+                std::array::from_fn(|i| self.stops[i].overrun.factors(forces[i])[usize::from(wanted[i].command < 0.0)]);
+            self.restrict(wanted, &motion, &faster, &mut allowed);
         } else {
             allowed = Allowed { commands: [0.0; AXES], stopped: wanted.map(|axis| axis.command != 0.0) };
         }
-        for (stop, command) in self.stops.iter_mut().zip(allowed.commands) {
-            stop.coming += stop.decay * (stop.curve.speed(command) - stop.coming);
+        for (i, (stop, command)) in self.stops.iter_mut().zip(allowed.commands).enumerate() {
+            stop.coming += stop.decay * (faster[i] * stop.curve.speed(command) - stop.coming);
         }
         allowed
     }
 
-    fn restrict(&self, wanted: &[Wanted; AXES], motion: &[(f64, f64); AXES], allowed: &mut Allowed) {
+    fn restrict(
+        &self,
+        wanted: &[Wanted; AXES],
+        motion: &[(f64, f64); AXES],
+        faster: &[f64; AXES],
+        allowed: &mut Allowed,
+    ) {
         let positions = motion.map(|(position, _)| position);
         let mut asked = [0.0; AXES];
         for i in 0..AXES {
-            asked[i] = self.stops[i].curve.speed(wanted[i].command);
+            asked[i] = faster[i] * self.stops[i].curve.speed(wanted[i].command);
         }
         let fastest = std::array::from_fn(|i| f64::max(motion[i].1.abs(), self.stops[i].coming.abs()));
         let swings = self.swings(&positions, &fastest);
@@ -345,7 +361,7 @@ impl Walls {
         for i in 0..AXES {
             let command = wanted[i].command;
             if wanted[i].is_manual && gentle < 1.0 {
-                let slower = self.stops[i].curve.command(gentle * asked[i]).abs();
+                let slower = self.stops[i].curve.command(gentle * asked[i] / faster[i]).abs();
                 allowed.commands[i] = command.abs().min(slower).copysign(command);
             }
             allowed.stopped[i] &= command != 0.0;

@@ -41,6 +41,7 @@ use observer::Observer;
 
 use crate::{
     fallback::{Fallback, Memory},
+    load::Load,
     model::judge::Approved,
 };
 
@@ -94,6 +95,12 @@ impl Smith {
     pub fn reset(&mut self) {
         self.observer.reset();
         self.law.reset();
+    }
+
+    /// The axis bears this load from now on.
+    pub fn bear(&mut self, load: Load) {
+        self.law.bear(load);
+        self.observer.bear(load);
     }
 
     /// Changes the largest magnitude of a command.

@@ -12,7 +12,7 @@
 
 use pipeline::machine::Commissioned;
 
-use crate::model::expected::ExpectedMotion;
+use crate::{load::Load, model::expected::ExpectedMotion};
 
 /// The observer of one axis.
 #[derive(Debug, Clone)]
@@ -37,6 +37,11 @@ impl Observer {
             position: None,
             unexplained: 0.0,
         }
+    }
+
+    /// The axis bears this load from now on.
+    pub fn bear(&mut self, load: Load) {
+        self.expected.bear(load);
     }
 
     /// Forgets the past: the axis stands, and the spool is in the middle.

@@ -1,8 +1,8 @@
 //! The commissioned model against the true parameters, on the simulated excavator and variations of it.
 
 use super::*;
-use control_proc::commission::analyse;
-use pipeline::machine::{Change, Commissioned, DeadBand, LoadForce, Parameter, ValveCurve};
+use control_proc::commission::{ExperimentRecord, analyse};
+use pipeline::machine::{Change, Commissioned, DeadBand, LoadForce, Overrun, Parameter, ValveCurve};
 use std::time::Duration;
 
 /// Time constant of the valves when the oil is at 5 degrees Celsius, s: 50 ms times the root of 382.3 over 29.97 mm2/s.
@@ -65,6 +65,63 @@ fn a_direction_that_starts_late_is_not_taken_for_a_slow_one() {
         println!("{command}: {truth:.4} m/s, found {part:.3} of it");
         assert!((0.8..=1.2).contains(&part), "{command}: {truth} m/s, found {part} of it");
     }
+}
+
+/// A record of 60 s of an axis that a load of up to 50 kN pulls out where it is in, and in where it is out.
+fn pulled(overrun: Overrun) -> ExperimentRecord {
+    let period = 0.01;
+    let mut record = ExperimentRecord { least_overruns: [4e3; 2], ..ExperimentRecord::new(period, 6000) };
+    let (mut x, mut position, mut draw) = (0.0f64, 0.5f64, 1u32);
+    let mut command = 0.0;
+    for k in 0..6000 {
+        if k % 40 == 0 {
+            draw = draw.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let level = 0.1 + 0.5 * f64::from(draw >> 16) / 65536.0;
+            let side = if position < 0.2 || (position < 0.8 && draw >> 31 == 0) { 1.0 } else { -1.0 };
+            command = side * level;
+        }
+        let load = 1e5 * (position - 0.5);
+        record.commands.push(command);
+        record.positions.push(position);
+        record.loads.push(load);
+        x += (command - x) * period / 0.06;
+        let speed = 0.4 * (x.abs() - 0.05).max(0.0) * overrun.factors(load)[usize::from(x < 0.0)];
+        position += period * speed.copysign(x);
+    }
+    record
+}
+
+#[test]
+fn loads_that_overrun_an_axis_are_found_where_there_are_some() {
+    let found = |overrun: Overrun| analyse(&pulled(overrun)).unwrap();
+    for extend in [1e4, 2e4] {
+        let model = found(Overrun { extend, ..Overrun::NONE });
+        println!("{extend}: {:?}", model.overrun);
+        assert!((0.8..1.25).contains(&(model.overrun.extend / extend)), "{:?}", model.overrun);
+        assert_eq!(model.overrun.retract, f64::INFINITY);
+        let speed = model.speed(0.45);
+        assert!((0.9..1.1).contains(&(speed / 0.16)), "the curve is that of a load that does not pull: {speed}");
+    }
+    assert_eq!(found(Overrun::NONE).overrun, Overrun::NONE);
+    // A load that nothing is known of.
+    let record = ExperimentRecord { loads: Vec::new(), ..pulled(Overrun { extend: 1e4, ..Overrun::NONE }) };
+    assert_eq!(analyse(&record).unwrap().overrun, Overrun::NONE);
+}
+
+/// The arm of the built-in excavator hangs out and pulls its cylinder with up to 17 kN. By the areas, the outlet and
+/// the regeneration of its valve it is overrun from 5.7 kN on.
+#[test]
+fn the_load_that_overruns_the_arm_of_an_excavator_is_found() {
+    let machine = Machine::load(None, &[]).unwrap();
+    let arm = 1;
+    let run = Run::of(&machine, arm, &ExperimentOptions::default(), 1).expect_finished();
+    let mut record = run.experiment.record().clone();
+    let positions: Vec<f64> = machine.axes.iter().map(|axis| axis.plant.as_ref().unwrap().initial_position).collect();
+    record.bear(&machine, arm, &positions);
+    let found = analyse(&record).unwrap();
+    println!("{:?}, {:.0} kg", found.overrun, found.mass);
+    assert!((4e3..12e3).contains(&found.overrun.extend) && found.overrun.retract == f64::INFINITY, "{found:?}");
+    assert!((12e3..43e3).contains(&found.mass), "{found:?}");
 }
 
 #[test]

@@ -52,8 +52,9 @@ pub use axis::{
     AngleKind, AngleSensor, Axis, COMPENSATED, CanDevices, CanPosition, CanSignals, Commissioned, Control, DeadBand,
     Directions, Encoder, Estimator, FallbackWithout, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput,
     LEAST_SET_POINT, Law, LimitSettings, LoadForce, LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS,
-    ModelChoice, MotionLimits, MoveWeight, Plan, PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource,
-    SMITH_MEMORY, SensorErrors, Sine, Slope, SmithSettings, Split, Start, ValveCurve, shortest_training,
+    ModelChoice, MotionLimits, MoveWeight, Overrun, Plan, PlanSettings, Plant, Ports, PressureTransducers,
+    ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, Slope, SmithSettings, Split, Start, ValveCurve,
+    shortest_training,
 };
 pub use can::{CanBus, CanMessage, ChecksumKind};
 pub use document::{DefaultValue, EffectiveValue, Origin, ValueForm, samples_of};

@@ -84,8 +84,13 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commis
             openings,
             speeds_extend,
             speeds_retract,
+            overrun,
+            mass,
             fit_percent,
         } = model;
+        let numbers = [("overrun_extend", overrun.extend), ("overrun_retract", overrun.retract), ("mass", *mass)];
+        let known = numbers.into_iter().filter(|(_, value)| value.is_finite());
+        let load: String = known.map(|(key, value)| format!("{key} = {value:?}\n")).collect();
         // Writing to a string cannot fail.
         let _ = write!(
             text,
@@ -95,7 +100,7 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commis
              natural_frequency = {natural_frequency:?}\ndamping = {damping:?}\n\
              openings = {openings:?}\n\
              speeds_extend = {speeds_extend:?}\nspeeds_retract = {speeds_retract:?}\n\
-             fit_percent = {fit_percent:?}    # of the motion half a second ahead\n",
+             {load}fit_percent = {fit_percent:?}    # of the motion half a second ahead\n",
             hardware.text, dead_band.extend, dead_band.retract
         );
     }

@@ -10,6 +10,7 @@ use std::sync::{Arc, atomic::AtomicBool};
 
 use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, Phase, analyse};
 use pipeline::{
+    MAX_AXES,
     channel::Prefix,
     machine::{Commissioned, Machine},
     message::{AxisMode, EncoderSample, ValveCommand},
@@ -94,7 +95,9 @@ fn commission(
     if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
         return Err(ended(abort.to_string()));
     }
-    let record = record.into_record(experiment.record().swing);
+    let positions = record.last;
+    let mut record = record.into_record(experiment.record().swing);
+    record.bear(machine, axis, &positions);
     let model = analyse(&record).map_err(|error| Failure::run(error).about(format!("axis.{name}")))?;
     Ok((model, record))
 }
@@ -107,11 +110,13 @@ struct Applied {
     first: Option<u64>,
     positions: Vec<f64>,
     commands: Vec<f64>,
+    /// The last known positions of all axes, m.
+    last: [f64; MAX_AXES],
 }
 
 impl Applied {
     fn new(axis: usize, period: f64) -> Self {
-        Self { axis, period, first: None, positions: Vec::new(), commands: Vec::new() }
+        Self { axis, period, first: None, positions: Vec::new(), commands: Vec::new(), last: [f64::NAN; MAX_AXES] }
     }
 
     /// Adds a sample. Returns the number of samples that are missing before it.
@@ -121,6 +126,9 @@ impl Applied {
         let missing = tick.saturating_sub(self.positions.len());
         self.positions.resize(tick, f64::NAN);
         self.positions.push(sample.axes[self.axis].usable().unwrap_or(f64::NAN));
+        for (last, axis) in self.last.iter_mut().zip(&sample.axes) {
+            *last = axis.usable().unwrap_or(*last);
+        }
         missing
     }
 
@@ -140,7 +148,8 @@ impl Applied {
         let length = self.positions.len().min(self.commands.len());
         self.positions.truncate(length);
         self.commands.truncate(length);
-        ExperimentRecord { period: self.period, swing, commands: self.commands, positions: self.positions }
+        let (commands, positions) = (self.commands, self.positions);
+        ExperimentRecord { swing, commands, positions, ..ExperimentRecord::new(self.period, 0) }
     }
 }
 

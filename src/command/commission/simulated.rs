@@ -5,6 +5,7 @@ use control_proc::commission::{
     Abort, AnalysisError, Experiment, ExperimentOptions, ExperimentRecord, Outcome, Phase, analyse,
 };
 use pipeline::{
+    MAX_AXES,
     machine::{Commissioned, Machine},
     message::ValveCommand,
 };
@@ -65,8 +66,10 @@ pub fn commission_axis(
     let mut acquisition = Acquisition::new(machine);
     let mut experiment = Experiment::new(&machine.axes[axis], &machine.timing, options);
     let mut command = ValveCommand::default();
+    let mut positions = [f64::NAN; MAX_AXES];
     for tick in 0.. {
         let sample = acquisition.update(tick, Some(&plant.read()));
+        positions = sample.axes.each_ref().map(|axis| axis.position);
         command.axes[axis].command = experiment.update(Some(&sample.axes[axis]));
         if experiment.outcome().is_some() {
             break;
@@ -77,6 +80,10 @@ pub fn commission_axis(
     }
     match experiment.outcome() {
         Some(Outcome::Aborted(abort)) => Err(SimulatedError::Aborted(abort)),
-        _ => Ok((analyse(experiment.record())?, experiment.record().clone())),
+        _ => {
+            let mut record = experiment.record().clone();
+            record.bear(machine, axis, &positions);
+            Ok((analyse(&record)?, record))
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The curve that explains a part of a record best for a given shape, and how well a model predicts a part.
 
 use nalgebra::{DMatrix, DVector};
-use pipeline::machine::Commissioned;
+use pipeline::machine::{Commissioned, Overrun};
 
 use super::{
     shape::{BENDS, KNOTS, Shape},
@@ -16,6 +16,8 @@ const PARTS: usize = 4;
 const FITTED_AHEAD: f64 = 0.2;
 /// Spacing of the rows that are fitted, s.
 const ROW_SPACING: f64 = 0.03;
+/// Length of the blocks of a judgement, in times that it looks ahead.
+const BLOCK: usize = 4;
 /// Place of the drift among the unknowns, after the changes of slope of both directions: its part that is the same
 /// everywhere, and its part that rises with the position.
 const DRIFT: usize = 2 * KNOTS;
@@ -115,25 +117,28 @@ impl Data<'_> {
         normal
     }
 
-    /// How much of the motion the model and what is beside it explain `seconds` ahead, percent.
-    pub fn judge(&self, model: &Commissioned, beside: &Beside, seconds: f64) -> f64 {
+    /// How much of the motion the model and what is beside it explain `seconds` ahead, percent; and the squares of what
+    /// they leave unexplained, m2, summed over blocks that are long enough to be independent.
+    pub fn judge(&self, model: &Commissioned, beside: &Beside, seconds: f64) -> (f64, Vec<f64>) {
         let period = self.record.period;
         let dynamics = Dynamics::of_model(model, beside.start);
         let integrals = integrate(self.record, self.end, &dynamics, |x| [model.spool_speed(x)]);
         let places = places(self.record, self.end);
         let ahead = samples(seconds, period);
-        let (mut error, mut motion) = (0.0, 0.0);
-        for k in self.begin..self.end.saturating_sub(ahead) {
+        let (begin, end) = (self.begin, self.end.saturating_sub(ahead).max(self.begin));
+        let mut squares = vec![0.0; (end - begin).div_ceil(BLOCK * ahead)];
+        let mut motion = 0.0;
+        for k in begin..end {
             let way = self.record.positions[k + ahead] - self.record.positions[k];
             if way.is_nan() {
                 continue;
             }
             let [[from], [to]] = [k, k + ahead].map(|k| delayed(&integrals, k, model.dead_time, period));
             let drifted = beside.speed * ahead as f64 * period + beside.rise * (places[k + ahead] - places[k]);
-            error += (way - drifted - (to - from)).powi(2);
+            squares[(k - begin) / (BLOCK * ahead)] += (way - drifted - (to - from)).powi(2);
             motion += way * way;
         }
-        100.0 * (1.0 - (error / motion).sqrt())
+        (100.0 * (1.0 - (squares.iter().sum::<f64>() / motion).sqrt()), squares)
     }
 }
 
@@ -144,24 +149,28 @@ pub fn modelled(record: &ExperimentRecord, model: &Commissioned) -> Vec<f64> {
     (0..end).map(|k| delayed(&integrals, k, model.dead_time, record.period)[0]).collect()
 }
 
-/// What is between a command and its motion, apart from the dead time and the curve.
+/// What is between a command and its motion, apart from the curve.
 struct Dynamics {
     hysteresis: f64,
     /// s.
     time_constant: f64,
     spring: Spring,
     start: Start,
+    overrun: Overrun,
+    /// s.
+    dead_time: f64,
 }
 
 impl Dynamics {
     fn of(shape: &Shape) -> Self {
-        let Shape { hysteresis, time_constant, spring, start, .. } = *shape;
-        Self { hysteresis, time_constant, spring, start }
+        let Shape { hysteresis, time_constant, spring, start, overrun, dead_time, .. } = *shape;
+        Self { hysteresis, time_constant, spring, start, overrun, dead_time }
     }
 
     fn of_model(model: &Commissioned, start: Start) -> Self {
         let spring = Spring::of_model(model);
-        Self { hysteresis: model.hysteresis, time_constant: model.time_constant - spring.delay(), spring, start }
+        let Commissioned { hysteresis, dead_time, overrun, .. } = *model;
+        Self { hysteresis, time_constant: model.time_constant - spring.delay(), spring, start, overrun, dead_time }
     }
 }
 
@@ -219,11 +228,15 @@ fn integrate<const N: usize>(
     let play = 0.5 * dynamics.hysteresis;
     let mut before = f(x);
     integrals.push(integral);
-    for command in &record.commands[..end] {
+    // A command moves the load of one dead time later.
+    let late = (dynamics.dead_time / record.period).round() as usize;
+    let loads = (0..).map(|k| record.loads.get(k + late).or(record.loads.last()).copied().unwrap_or_default());
+    for (command, load) in record.commands[..end].iter().zip(loads) {
+        let faster = dynamics.overrun.factors(load);
         w = w.clamp(command - play, command + play);
         for _ in 0..PARTS {
             x = w + (x - w) * decay;
-            let now = motion.advance(pressure.advance(x, f(x)));
+            let now = motion.advance(pressure.advance(x, f(x).map(|speed| faster[usize::from(x < 0.0)] * speed)));
             for (integral, (before, now)) in integral.iter_mut().zip(before.iter().zip(&now)) {
                 *integral += 0.5 * step * (before + now);
             }

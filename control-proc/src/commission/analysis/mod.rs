@@ -32,9 +32,10 @@
 //!
 //! The model is fitted on the first two thirds of the motion and judged on the rest: half a second ahead, with the
 //! command, the drift and the start known. How straight the curve is, is decided by that rest: of the weights of its
-//! bends (`STRAIGHTNESSES`) the largest one counts that explains about as much of it as the best. So does the `start`
-//! of the oil: it is kept where it explains clearly more of the fitted part and more of the rest. Then all is fitted
-//! once more on the whole.
+//! bends (`STRAIGHTNESSES`) the largest one counts that explains as much of it as the best, within the standard error
+//! of their difference (L. Breiman et al., Classification and Regression Trees, 1984). Loads that overrun the axis are
+//! kept where they explain more of the fitted part and as much of the rest, and so is the `start` of the oil where it
+//! explains clearly more of the fitted part and more of the rest. Then all is fitted once more on the whole.
 //!
 //! Traps: t_d and tau trade off against each other where the load swings and the model does not; only their sum is
 //! certain. In the model that is written half of the hysteresis is in the dead bands and the spring's delay in the time
@@ -55,7 +56,7 @@ use pipeline::machine::{Commissioned, DeadBand};
 use super::record::ExperimentRecord;
 pub use fit::modelled;
 use fit::{Beside, Data};
-use shape::{KNOTS, Parameters, Shape};
+use shape::{KNOTS, Parameters, Seen, Shape};
 use simplex::minimum;
 
 /// How far ahead the model is judged, s.
@@ -80,11 +81,11 @@ const AS_GOOD: f64 = 1.1;
 /// Steps of the search.
 const SEARCH_STEPS: usize = 250;
 /// First steps of the search in dead time (s), logarithm of the time constant, and dead bands.
-const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0];
+const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 /// Mean square error, relative to that without a hysteresis, a spring or a drift, below which there is one.
 const CLEARLY_BETTER: f64 = 0.9;
 /// First steps of the search near a solution.
-const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005, 0.005, 0.0, 0.0, 0.0, 0.0, 0.0];
+const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005, 0.005, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 /// Mean square error, relative to that with a spring alone, below which there is a hysteresis beside it. Loads that
 /// change leave much of what such an axis does unexplained, so a hysteresis shows less.
 const BETTER: f64 = 0.99;
@@ -101,8 +102,8 @@ const TIME_STEP: f64 = 0.05;
 const LAG_STEP: f64 = 0.03;
 /// Weights of the bends of a curve, rising.
 const STRAIGHTNESSES: [f64; 4] = [1e-4, 1e-3, 1e-2, 1e-1];
-/// How much less of the rest a straighter curve may explain than the best, percent.
-const AS_STRAIGHT: f64 = 0.5;
+/// How much harder loads pull at most than is needed to overrun an axis, from where its search begins; 0: none does.
+const FIRST_OVERRUNS: [f64; 4] = [0.0, 2.0, 5.0, 15.0];
 /// Searches in a row, each from the end of the one before: a simplex can collapse early.
 const SEARCHES: usize = 2;
 
@@ -137,16 +138,16 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
         return Err(AnalysisError::TooShort { found: seconds, needed });
     }
     let split = split(record);
-    let largest = record.commands.iter().fold(0.0f64, |largest, command| largest.max(command.abs()));
+    let seen = Seen::of(record);
     let data = |drifts| Data { record, begin: 0, end: split, drifts, straightness: STRAIGHTNESSES[0] };
-    let search = |drifts| Search { fitted: data(drifts), largest };
+    let search = |drifts| Search { fitted: data(drifts), seen };
     let (stands, drifts) = (search(false).best()?, search(true).best()?);
     let (is_drifting, best) = if drifts.cost < CLEARLY_BETTER * stands.cost { (true, drifts) } else { (false, stands) };
     let rest = Data { begin: split, end: count, ..data(is_drifting) };
-    let chosen = search(is_drifting).judged(best, &rest)?.straightened(&rest)?.started(&rest)?;
-    let whole = Search { fitted: Data { end: count, ..chosen.search.fitted }, largest };
+    let chosen = search(is_drifting).judged(best, &rest)?.overrun(&rest)?.straightened(&rest)?.started(&rest)?;
+    let whole = Search { fitted: Data { end: count, ..chosen.search.fitted }, seen };
     let (mut model, _) = whole.beyond_flat_begin(whole.refined(chosen.point, first_steps(&chosen.point)))?;
-    model.fit_percent = chosen.explained;
+    (model.fit_percent, model.mass) = (chosen.explained, record.mass);
     Ok(model)
 }
 
@@ -155,10 +156,33 @@ struct Candidate<'a> {
     search: Search<'a>,
     point: Point,
     explained: f64,
+    /// Square of what it leaves unexplained, in blocks of the rest.
+    squares: Vec<f64>,
 }
 
 impl Candidate<'_> {
-    /// The straightest curve that explains about as much of `rest` as the best one.
+    /// Whether the difference to `best` may be chance: it is within a standard error.
+    fn is_as_good_as(&self, best: &Self) -> bool {
+        let count = best.squares.len() as f64;
+        let worse: Vec<f64> = self.squares.iter().zip(&best.squares).map(|(own, best)| own - best).collect();
+        let mean = worse.iter().sum::<f64>() / count;
+        let variance = worse.iter().map(|worse| (worse - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let error = (variance / count).sqrt();
+        // Not a number, of a rest that is too short, is no difference that shows.
+        mean <= error || error.is_nan()
+    }
+
+    /// With loads that overrun the axis where that explains better, and `rest` as well as without them.
+    fn overrun(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
+        if self.search.seen.most_overruns().iter().all(|most| *most <= 1.0) {
+            return Ok(self);
+        }
+        let overrun = self.search.judged(self.search.with_overrun(self.point), rest)?;
+        let is_better = overrun.point.cost < BETTER * self.point.cost && overrun.is_as_good_as(&self);
+        Ok(if is_better { overrun } else { self })
+    }
+
+    /// The straightest curve that explains `rest` as well as the best one, as far as the record tells.
     fn straightened(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
         let Self { search, point, .. } = self;
         let with = |straightness: &f64| {
@@ -169,9 +193,11 @@ impl Candidate<'_> {
         for straightness in &STRAIGHTNESSES[1..] {
             candidates.push(with(straightness)?);
         }
-        let most = candidates.iter().map(|candidate| candidate.explained).fold(f64::NEG_INFINITY, f64::max);
-        let straight = candidates.into_iter().rev().find(|candidate| candidate.explained >= most - AS_STRAIGHT);
-        straight.ok_or(AnalysisError::NoMotion)
+        let explained = |i: &usize| candidates[*i].explained;
+        let best = (0..candidates.len()).max_by(|a, b| explained(a).total_cmp(&explained(b))).unwrap_or_default();
+        let is_as_good = |i: &usize| candidates[*i].is_as_good_as(&candidates[best]);
+        let straight = (best..candidates.len()).rev().find(is_as_good).unwrap_or(best);
+        Ok(candidates.swap_remove(straight))
     }
 
     /// With a start of the oil where that explains clearly more, and more of `rest` as well.
@@ -215,6 +241,7 @@ fn first_steps(point: &Point) -> Parameters {
     if point.at[5] > 0.0 {
         (steps[5], steps[6]) = (0.1 * point.at[5], 0.2 * point.at[6]);
     }
+    (steps[10], steps[11]) = (0.3 * point.at[10], 0.3 * point.at[11]);
     if point.at[9] > 0.0 {
         (steps[7], steps[8], steps[9]) = (TIME_STEP, TIME_STEP, LAG_STEP);
     }
@@ -225,26 +252,41 @@ fn first_steps(point: &Point) -> Parameters {
 #[derive(Clone, Copy)]
 struct Search<'a> {
     fitted: Data<'a>,
-    /// Largest magnitude of a command in the record.
-    largest: f64,
+    /// What the record holds at most.
+    seen: Seen,
 }
 
 impl<'a> Search<'a> {
     /// A point, with what its model explains of the rest of the record.
     fn judged(&self, point: Point, rest: &Data<'_>) -> Result<Candidate<'a>, AnalysisError> {
         let (model, beside) = self.beyond_flat_begin(point)?;
-        Ok(Candidate { search: *self, point, explained: rest.judge(&model, &beside, JUDGED_AHEAD) })
+        let (explained, squares) = rest.judge(&model, &beside, JUDGED_AHEAD);
+        Ok(Candidate { search: *self, point, explained, squares })
     }
 
-    /// The best point with a start of the oil. The search without it may have found a dead band that is too wide.
+    /// The best point with a start of the oil.
     fn with_start(&self, without: Point) -> Point {
+        let begin = |at: &mut Parameters, [extend, retract]: [f64; 2]| {
+            (at[7], at[8], at[9]) = (extend, retract, FIRST_LAG);
+        };
+        self.with_directions(without, &FIRST_TIMES, begin)
+    }
+
+    /// The best point with loads that overrun the axis.
+    fn with_overrun(&self, without: Point) -> Point {
+        self.with_directions(without, &FIRST_OVERRUNS, |at, parts| (at[10], at[11]) = (parts[0], parts[1]))
+    }
+
+    /// The best point with something that differs by direction, of which `first` are the values that the search begins
+    /// from. The search without it may have found a dead band that is too wide.
+    fn with_directions(&self, without: Point, first: &[f64], begin: impl Fn(&mut Parameters, [f64; 2])) -> Point {
         let mut best = Point { cost: f64::INFINITY, ..without };
-        for (extend, retract) in FIRST_TIMES.iter().flat_map(|extend| FIRST_TIMES.map(|retract| (*extend, retract))) {
+        for values in first.iter().flat_map(|extend| first.iter().map(|retract| [*extend, *retract])) {
             for part in [0.0, 0.5, 1.0] {
                 let mut at = without.at;
                 let least = at[2].min(at[3]);
                 (at[2], at[3]) = (at[2] - part * (at[2] - least), at[3] - part * (at[3] - least));
-                (at[7], at[8], at[9]) = (extend, retract, FIRST_LAG);
+                begin(&mut at, values);
                 let cost = self.cost(&at);
                 best = if cost < best.cost { Point { at, cost } } else { best };
             }
@@ -254,8 +296,8 @@ impl<'a> Search<'a> {
 
     /// Mean square error of the differences with the best curve of this shape, m2.
     fn cost(&self, p: &Parameters) -> f64 {
-        let shape = Shape::of(p, self.largest);
-        shape.filter(Shape::is_allowed).map_or(f64::INFINITY, |shape| self.fitted.fit(&shape).0)
+        let shape = Shape::of(p, &self.seen);
+        shape.filter(|shape| shape.is_allowed(&self.seen)).map_or(f64::INFINITY, |shape| self.fitted.fit(&shape).0)
     }
 
     /// The best point of the grids and of the searches from there: without hysteresis, or with one that explains
@@ -319,14 +361,14 @@ impl<'a> Search<'a> {
 
     /// The model of this point, and what is beside it.
     fn model_at(&self, p: &Parameters) -> Result<(Commissioned, Beside), AnalysisError> {
-        let shape = Shape::of(p, self.largest).ok_or(AnalysisError::NoMotion)?;
+        let shape = Shape::of(p, &self.seen).ok_or(AnalysisError::NoMotion)?;
         let unknowns = self.fitted.fit(&shape).1;
         Ok((shape.model(&unknowns).ok_or(AnalysisError::NoMotion)?, Beside::of(&shape, &unknowns)))
     }
 
     /// The best point of a grid of dead time and time constant, and then of a grid of each dead band.
     fn on_grids(&self) -> Point {
-        let mut best = Point { at: [0.0; 10], cost: f64::INFINITY };
+        let mut best = Point { at: [0.0; 12], cost: f64::INFINITY };
         let try_one = |at: Parameters, best: &mut Point| {
             let cost = self.cost(&at);
             if cost < best.cost {
@@ -336,7 +378,7 @@ impl<'a> Search<'a> {
         let on_grid = |largest: f64, i: i32| largest * f64::from(i) / f64::from(GRID_STEPS);
         for tau in TIME_CONSTANTS {
             for i in 0..=LONGEST_STEPS {
-                let mut at = [0.0; 10];
+                let mut at = [0.0; 12];
                 (at[0], at[1], at[6]) = (on_grid(LONG_DEAD_TIME, i), tau.ln(), FIRST_DAMPING);
                 try_one(at, &mut best);
             }
@@ -345,7 +387,7 @@ impl<'a> Search<'a> {
             let from = best.at;
             for i in 1..GRID_STEPS {
                 let mut at = from;
-                sides.iter().for_each(|side| at[*side] = on_grid(self.largest, i));
+                sides.iter().for_each(|side| at[*side] = on_grid(self.seen.command, i));
                 try_one(at, &mut best);
             }
         }

@@ -1,14 +1,43 @@
 //! What the search changes: dead time, lag and dead bands; and the curve that belongs to them.
 
 use nalgebra::DVector;
-use pipeline::machine::{Commissioned, DeadBand};
+use pipeline::machine::{Commissioned, DeadBand, Overrun};
 
 use super::{spring::Spring, start::Start};
+use crate::commission::record::ExperimentRecord;
 
 /// Dead time s, logarithm of the time constant, dead bands of extending and retracting, width of the hysteresis, and
 /// what the load on its spring of oil adds: its period s (0 for a stiff one) and damping ratio; and what the start of
-/// the oil needs: times of extending and retracting and lag, s.
-pub(super) type Parameters = [f64; 10];
+/// the oil needs: times of extending and retracting and lag, s; and how much harder the load pulls at most than is
+/// needed to overrun the axis while it extends and retracts.
+pub(super) type Parameters = [f64; 12];
+
+/// What a record holds at most.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen {
+    /// Magnitude of a command.
+    pub command: f64,
+    /// Pull of the load while extending and while retracting, N; 0 where it is not known.
+    pub pulls: [f64; 2],
+    /// Least pulls that may overrun an axis while it extends and retracts, N.
+    least: [f64; 2],
+}
+
+impl Seen {
+    pub fn of(record: &ExperimentRecord) -> Self {
+        let most = |values: &[f64], sign: f64| values.iter().fold(0.0f64, |most, value| most.max(sign * value));
+        Self {
+            command: most(&record.commands, 1.0).max(most(&record.commands, -1.0)),
+            pulls: [most(&record.loads, -1.0), most(&record.loads, 1.0)],
+            least: record.least_overruns,
+        }
+    }
+
+    /// How much harder the load may pull at most than is needed to overrun the axis.
+    pub fn most_overruns(&self) -> [f64; 2] {
+        [self.pulls[0] / self.least[0], self.pulls[1] / self.least[1]]
+    }
+}
 
 /// Bends of either direction.
 pub(super) const KNOTS: usize = 6;
@@ -40,15 +69,20 @@ pub(super) struct Shape {
     pub hysteresis: f64,
     pub spring: Spring,
     pub start: Start,
+    pub overrun: Overrun,
+    /// Pulls of the record by P_0.
+    overruns: [f64; 2],
     /// Largest opening.
     pub span: f64,
 }
 
 impl Shape {
-    /// From the parameters and the largest magnitude of a command; none if the commands never leave the dead bands.
-    pub fn of(p: &Parameters, largest: f64) -> Option<Self> {
-        let span = largest - 0.5 * p[4] - p[2].min(p[3]);
+    /// From the parameters and what is in the record; none if the commands never leave the dead bands.
+    pub fn of(p: &Parameters, seen: &Seen) -> Option<Self> {
+        let span = seen.command - 0.5 * p[4] - p[2].min(p[3]);
         let dead_band = DeadBand { extend: p[2], retract: p[3] };
+        // A pull that no load of the record has is none.
+        let least = |pull: f64, part: f64| if part > 1.0 { pull / part } else { f64::INFINITY };
         (span > 0.0).then_some(Self {
             dead_time: p[0],
             time_constant: p[1].exp(),
@@ -56,12 +90,14 @@ impl Shape {
             hysteresis: p[4],
             spring: Spring { period: p[5], damping: p[6] },
             start: Start { times: [p[7], p[8]], lag: p[9] },
+            overrun: Overrun { extend: least(seen.pulls[0], p[10]), retract: least(seen.pulls[1], p[11]) },
+            overruns: [p[10], p[11]],
             span,
         })
     }
 
     /// Whether all parameters are in the ranges that are searched.
-    pub fn is_allowed(&self) -> bool {
+    pub fn is_allowed(&self, seen: &Seen) -> bool {
         (0.0..=LONGEST_DEAD_TIME).contains(&self.dead_time)
             && (SHORTEST_TIME_CONSTANT..=LONGEST_TIME_CONSTANT).contains(&self.time_constant)
             && (0.0..=WIDEST_DEAD_BAND).contains(&self.dead_band.extend)
@@ -69,6 +105,7 @@ impl Shape {
             && (0.0..=WIDEST_HYSTERESIS).contains(&self.hysteresis)
             && self.spring.is_allowed()
             && self.start.is_allowed()
+            && self.overruns.iter().zip(seen.most_overruns()).all(|(part, most)| (0.0..=most.max(1.0)).contains(part))
     }
 
     /// The model of this shape whose changes of slope come first among `slopes`; none where a direction does not move
@@ -101,6 +138,8 @@ impl Shape {
             speeds_extend: speeds(0)?,
             speeds_retract: speeds(1)?,
             openings,
+            overrun: self.overrun,
+            mass: f64::INFINITY,
             fit_percent: f64::NAN,
         })
     }

@@ -165,12 +165,7 @@ impl Experiment {
             tick: 0,
             total,
             random: Random::new(options.seed),
-            record: ExperimentRecord {
-                period: seconds,
-                swing: 0.0,
-                commands: Vec::with_capacity(total + 1),
-                positions: Vec::with_capacity(total + 1),
-            },
+            record: ExperimentRecord::new(seconds, total + 1),
             outcome: None,
         }
     }

@@ -113,3 +113,23 @@ fn the_factor_is_the_largest_that_stops_before_the_wall() {
     assert_eq!(Headway { linear: -0.3, square: 0.2 }.factor(0.0), 1.0);
     assert_eq!(Headway { linear: 0.3, square: 0.2 }.factor(f64::NAN), 0.0);
 }
+
+/// The same command by hand reaches a wall sooner where the load pulls the arm faster than its curve says.
+#[test]
+fn a_load_that_overruns_an_axis_counts_in_its_way_to_a_wall() {
+    let allowed = |extend: f64| {
+        let mut machine = excavator();
+        machine.axes[1].commissioned.as_mut().unwrap().overrun.extend = extend;
+        let mut walls = Walls::of(&machine).unwrap();
+        walls.limits = [50.0, f64::INFINITY, f64::INFINITY];
+        // The arm hangs out and extends, towards a wall that the teeth are 0.3 m above.
+        let positions = [0.5, 0.3, 0.8, 0.6];
+        let (_, distance) = walls.least_distance(&positions).unwrap();
+        walls.limits[0] -= distance - 0.3;
+        let mut wanted = still(positions, 0.0);
+        wanted[1].command = 0.6;
+        walls.update(&wanted).commands[1]
+    };
+    let (usual, overrun) = (allowed(f64::INFINITY), allowed(5e3));
+    assert!(overrun < usual - 0.02 && overrun > 0.0, "{usual} {overrun}");
+}

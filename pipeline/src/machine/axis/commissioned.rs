@@ -8,14 +8,14 @@
 //! u command and x spool position in [-1, 1], w position that the spool approaches behind the play of its hysteresis h,
 //! v speed m/s, t_d dead time s, tau time constant s, d_e and d_r dead bands; points (x - d_e, v) while extending,
 //! (-x - d_r, -v) while retracting. The model is a static curve behind a lag and a dead time. It is small, and all of
-//! it can be measured on a real machine in a minute.
+//! it can be measured on a real machine in a minute. Under a load that overruns it, v is g times as much ([`Overrun`]).
 //!
 //! Trap: c is the curve of commands that move away from neutral: half of the hysteresis is in the dead bands. On the
 //! way back to neutral the same speed needs a command that is nearer to neutral by h.
 
 use std::{f64::consts::TAU, time::Duration};
 
-use super::dead_band::DeadBand;
+use super::{dead_band::DeadBand, overrun::Overrun};
 use crate::{
     hammerstein::{Basis, InputMap, MAX_DELAY, Structure},
     machine::document::Section,
@@ -42,6 +42,10 @@ pub struct Commissioned {
     pub speeds_extend: Vec<f64>,
     /// Speeds at the openings while retracting, m/s, rising, as magnitudes.
     pub speeds_retract: Vec<f64>,
+    /// Pull of a load from which on it overruns the axis.
+    pub overrun: Overrun,
+    /// Mass that moved with the axis, kg; infinite where it is not known.
+    pub mass: f64,
     /// Part of the motion half a second ahead that the model explains, percent: 100 is all of it.
     pub fit_percent: f64,
 }
@@ -113,6 +117,12 @@ impl Commissioned {
             openings,
             speeds_extend,
             speeds_retract,
+            overrun: Overrun::read(&mut section),
+            mass: section
+                .key("mass", "Mean mass that moved with the axis, of the mechanism")
+                .rule("none")
+                .optional_number(0.0..=1e9, "kg")
+                .unwrap_or(f64::INFINITY),
             fit_percent: section
                 .key("fit_percent", "Part of the motion half a second ahead that the model explains; 100 is all of it")
                 .number(-1e9..=100.0, ""),
@@ -282,6 +292,8 @@ mod tests {
             openings: vec![0.1, 0.3],
             speeds_extend: vec![0.05, 0.25],
             speeds_retract: vec![0.04, 0.3],
+            overrun: Overrun::NONE,
+            mass: f64::INFINITY,
             fit_percent: 97.0,
         }
     }

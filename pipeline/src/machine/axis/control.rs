@@ -51,7 +51,7 @@ pub struct Control {
     pub without: FallbackWithout,
 }
 
-/// Measures beside the feed-forward of the fallback that a comparison leaves out, to show what each of them is worth.
+/// Measures beside the feed-forward that a comparison leaves out, to show what each of them is worth.
 /// No key of the machine file: every machine has all of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FallbackWithout {
@@ -59,6 +59,8 @@ pub struct FallbackWithout {
     pub hysteresis: bool,
     /// What the feed-forward lacks is learned in motion.
     pub learning: bool,
+    /// The load in the feed-forward, and gains by the mass that moves.
+    pub load: bool,
 }
 
 /// Part of `max_speed` that is drift: a worn telescope under load has 1.5 %.

@@ -5,7 +5,7 @@
 //! | `encoder` | `[axis.NAME.encoder]` | the position sensor |
 //! | `can` | `[axis.NAME.can]` | encoder and valve on a CAN bus |
 //! | `pressure` | `[axis.NAME.pressure]` | the pressure transducers |
-//! | `commissioned` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
+//! | `commissioned`, `overrun` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
 //! | `hardware` | | what that model depends on: it recognises another machine |
 //! | `identification`, `estimator` | `[axis.NAME.identification]` | how the axis is identified |
 //! | `control`, `plan` | `[axis.NAME.control]` | how the axis is controlled; the predictive controller's plan |
@@ -25,6 +25,7 @@ mod estimator;
 mod hardware;
 mod identification;
 mod limits;
+mod overrun;
 mod plan;
 mod plant;
 mod ports;
@@ -47,6 +48,7 @@ pub use identification::{
 };
 use limits::Nature;
 pub use limits::{LimitSettings, MotionLimits};
+pub use overrun::Overrun;
 pub use plan::{MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MoveWeight, Plan, PlanSettings};
 pub use plant::{LoadForce, Plant, ValveCurve};
 pub use ports::{Directions, LoadHolding, Ports};

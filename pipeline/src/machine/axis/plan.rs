@@ -198,6 +198,8 @@ mod tests {
             openings: vec![0.5],
             speeds_extend: vec![0.5],
             speeds_retract: vec![0.5],
+            overrun: Overrun::NONE,
+            mass: f64::INFINITY,
             fit_percent: 99.0,
         }
     }

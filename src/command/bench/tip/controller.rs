@@ -6,6 +6,7 @@
 //! | `without-feedforward` | no velocity feed-forward; learning and the inverse of the hysteresis act only beside it |
 //! | `without-learning` | what the feed-forward lacks is not learned in motion |
 //! | `without-hysteresis` | no inverse of the valve's hysteresis |
+//! | `without-load` | neither loads that overrun an axis nor the mass that moves change feed-forward and gains |
 //! | `without-scaling` | the plan keeps the speed of the task, smoothed, whatever the machine can give |
 //! | `without-waiting` | neither the lag of the teeth nor `slow_references` slows the time along the way |
 //! | `without-free-axis` | the telescope stays in the middle of its soft limits where the task leaves it free |
@@ -31,6 +32,8 @@ pub enum Without {
     Learning,
     /// inverse of the valve's hysteresis
     Hysteresis,
+    /// loads that overrun an axis in the feed-forward, gains by the mass that moves
+    Load,
     /// planned speed by what axes and pump can give
     Scaling,
     /// time that waits for teeth that lag behind
@@ -56,10 +59,11 @@ impl Controller {
     /// What the machine file chooses.
     const MODEL: Self = Self { name: "model", changes: &[] };
     /// What each value of `--without` adds.
-    const LESS: [(Without, Self); 7] = [
+    const LESS: [(Without, Self); 8] = [
         (Without::Feedforward, Self { name: "without-feedforward", changes: &[fallback, no_feedforward] }),
         (Without::Learning, Self { name: "without-learning", changes: &[fallback, no_learning] }),
         (Without::Hysteresis, Self { name: "without-hysteresis", changes: &[fallback, no_hysteresis] }),
+        (Without::Load, Self { name: "without-load", changes: &[fallback, no_load] }),
         (Without::Scaling, Self { name: "without-scaling", changes: &[fallback, no_scaling] }),
         (Without::Waiting, Self { name: "without-waiting", changes: &[fallback, no_waiting] }),
         (Without::FreeAxis, Self { name: "without-free-axis", changes: &[fallback, no_free_axis] }),
@@ -98,6 +102,10 @@ fn no_learning(machine: &mut Machine) {
 
 fn no_hysteresis(machine: &mut Machine) {
     axes(machine).for_each(|axis| axis.control.without.hysteresis = true);
+}
+
+fn no_load(machine: &mut Machine) {
+    axes(machine).for_each(|axis| axis.control.without.load = true);
 }
 
 fn no_scaling(machine: &mut Machine) {

@@ -1,0 +1,197 @@
+//! What the loads of the axes do to their speeds and their swings, by the mechanism and the payload of the machine file.
+//!
+//! ```text
+//! g_i = max(1, sqrt(P_i / P_0i))          r_i = min(1, sqrt(m_i / M_ii))          a_i = min(1, G_i(r_i) / G_i(1))
+//! ```
+//!
+//! P_i force with which the load pulls in the direction of the motion, N, at rest and with the payload of the machine
+//! file; P_0i the one from which on it overruns the axis ([`pipeline::machine::Overrun`]); M mass matrix of the
+//! cylinders and m_i M_ii at the commissioning of the axis, kg; G(r) gain margin of the fallback whose load swings at r
+//! times the frequency of the commissioning. The same command moves the axis g times as fast. A greater mass swings
+//! slower on its spring of oil, and the gains are a times as large as those of the machine file, so that the margin
+//! stays. An axis of which no swing was found keeps its gains.
+//!
+//! Runs in the loop: nothing here allocates after construction.
+
+use mechanism::{AXES, CylinderDynamics, PreparedMechanism, Vector};
+use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Overrun};
+
+use crate::margins::{Loop, mean_slope};
+
+/// Step of r at which a is known, and number of these steps: down to a sixteenth of the frequency's square.
+const STEP: f64 = 0.05;
+const STEPS: usize = 15;
+
+/// What the load does to one axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Load {
+    /// g of extending and of retracting.
+    pub faster: [f64; 2],
+    /// a.
+    pub gain: f64,
+}
+
+impl Load {
+    /// An axis whose load is not known, or is that of its commissioning.
+    pub const USUAL: Self = Self { faster: [1.0; 2], gain: 1.0 };
+
+    /// g of a motion in this direction.
+    pub fn faster(&self, direction: f64) -> f64 {
+        self.faster[usize::from(direction < 0.0)]
+    }
+}
+
+/// Force with which the cylinders hold the machine at rest, N, and mass that moves with each of them, kg, with the
+/// cylinders at `positions` m.
+pub fn at_rest(mechanism: &PreparedMechanism, positions: &[f64; AXES]) -> ([f64; AXES], [f64; AXES]) {
+    let pose = mechanism.pose(positions);
+    let CylinderDynamics { mass, load } = mechanism.dynamics(&pose, &[0.0; AXES], Vector::default());
+    (load, std::array::from_fn(|i| mass[i][i]))
+}
+
+/// How the load of one axis changes what was commissioned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Commissioning {
+    overrun: Overrun,
+    /// m, kg.
+    mass: f64,
+    /// a at r = 1, 1 - STEP, ..
+    parts: [f64; STEPS + 1],
+}
+
+impl Commissioning {
+    /// An axis of which nothing is known.
+    const NONE: Self = Self { overrun: Overrun::NONE, mass: f64::INFINITY, parts: [1.0; STEPS + 1] };
+
+    fn of(axis: &Axis, period: f64) -> Self {
+        let Some(model) = axis.commissioned.as_ref().filter(|_| !axis.control.without.load) else { return Self::NONE };
+        Self { overrun: model.overrun, mass: model.mass, parts: parts(&axis.control, model, period) }
+    }
+
+    /// a.
+    fn part(&self, mass: f64) -> f64 {
+        let steps = (1.0 - (self.mass / mass).sqrt().min(1.0)) / STEP;
+        let (whole, rest) = ((steps as usize).min(STEPS), steps.fract());
+        let next = self.parts[(whole + 1).min(STEPS)];
+        self.parts[whole] + rest * (next - self.parts[whole])
+    }
+}
+
+/// a of the fallback of `control` around `model` at every step of r.
+fn parts(control: &Control, model: &Commissioned, period: f64) -> [f64; STEPS + 1] {
+    let fallback = Control { law: Law::Predictive, ..*control };
+    let gain_margin = |step: usize| {
+        let r = 1.0 - STEP * step as f64;
+        let mut slower = Commissioned { natural_frequency: r * model.natural_frequency, ..model.clone() };
+        slower.time_constant += slower.swing_delay() - model.swing_delay();
+        Loop::new(&fallback, &slower, mean_slope(model), period).margins().gain
+    };
+    let (usual, mut least) = (gain_margin(0), 1.0f64);
+    std::array::from_fn(|step| {
+        if model.natural_frequency > 0.0 {
+            least = least.min(gain_margin(step) / usual);
+        }
+        least
+    })
+}
+
+/// The loads of the axes of a mechanism.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loads {
+    mechanism: PreparedMechanism,
+    axes: [Commissioning; AXES],
+}
+
+impl Loads {
+    /// Of a machine with `[mechanism]` and its four axes; none for another one.
+    pub fn of(machine: &Machine) -> Option<Self> {
+        let axes: &[Axis; AXES] = machine.axes.first_chunk()?;
+        let period = machine.timing.period.as_secs_f64();
+        Some(Self {
+            mechanism: machine.mechanism?.prepared(),
+            axes: axes.each_ref().map(|axis| Commissioning::of(axis, period)),
+        })
+    }
+
+    /// What the loads do with the cylinders at `positions` m.
+    pub fn at(&self, positions: &[f64; AXES]) -> [Load; AXES] {
+        let (forces, masses) = at_rest(&self.mechanism, positions);
+        std::array::from_fn(|i| Load {
+            faster: self.axes[i].overrun.factors(forces[i]),
+            gain: self.axes[i].part(masses[i]),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The arm hangs far out.
+    const OUT: [f64; AXES] = [0.5, 0.3, 0.8, 0.6];
+
+    /// The built-in excavator with this payload, kg; without what commissioning found of loads and swings.
+    fn excavator(payload: f64) -> Machine {
+        let mut machine = Machine::load(None, &[]).unwrap();
+        machine.mechanism.as_mut().unwrap().masses.payload.mass = payload;
+        for model in machine.axes.iter_mut().filter_map(|axis| axis.commissioned.as_mut()) {
+            (model.overrun, model.natural_frequency) = (Overrun::NONE, 0.0);
+        }
+        machine
+    }
+
+    /// Changes the commissioned model of the arm.
+    fn arm(machine: &mut Machine, change: impl Fn(&mut Commissioned)) {
+        change(machine.axes[1].commissioned.as_mut().unwrap());
+    }
+
+    #[test]
+    fn a_payload_that_pulls_makes_an_axis_faster_and_a_heavy_one_takes_gain() {
+        let at = |payload: f64, frequency: f64| {
+            let mut machine = excavator(payload);
+            arm(&mut machine, |model| {
+                (model.overrun.extend, model.mass, model.natural_frequency) = (1e4, 2e4, frequency);
+                (model.dead_time, model.time_constant, model.damping) = (0.0, 0.1, 0.1);
+            });
+            Loads::of(&machine).unwrap().at(&OUT)[1]
+        };
+        let (empty, loaded) = (at(0.0, 4.0), at(1500.0, 4.0));
+        assert!(empty.faster[0] > 1.2 && loaded.faster[0] > 1.4 * empty.faster[0], "{empty:?} {loaded:?}");
+        assert_eq!(loaded.faster[1], 1.0);
+        assert_eq!((loaded.faster(0.1), loaded.faster(-0.1)), (loaded.faster[0], 1.0));
+        assert!(empty.gain < 1.0 && loaded.gain < 0.8 * empty.gain && loaded.gain > 0.2, "{empty:?} {loaded:?}");
+        assert_eq!(at(1500.0, 0.0).gain, 1.0, "no swing was found");
+    }
+
+    #[test]
+    fn the_gain_margin_of_the_commissioning_stays() {
+        let mut machine = excavator(0.0);
+        arm(&mut machine, |model| (model.natural_frequency, model.damping, model.dead_time) = (3.0, 0.1, 0.0));
+        let (control, model) = (&machine.axes[1].control, machine.axes[1].commissioned.as_ref().unwrap());
+        let parts = parts(control, model, 0.01);
+        assert_eq!(parts[0], 1.0);
+        assert!(parts.is_sorted_by(|a, b| a >= b) && parts[STEPS] < 0.5, "{parts:?}");
+        let margin = |r: f64, gain: f64| {
+            let mut slower = Commissioned { natural_frequency: r * 3.0, ..model.clone() };
+            slower.time_constant += slower.swing_delay() - model.swing_delay();
+            let control = Control { kp: gain * control.kp, ki: gain * control.ki, law: Law::Predictive, ..*control };
+            Loop::new(&control, &slower, mean_slope(model), 0.01).margins().gain
+        };
+        let (usual, slow) = (margin(1.0, 1.0), margin(0.5, parts[10]));
+        assert!((slow / usual - 1.0).abs() < 1e-6, "{usual} {slow}");
+    }
+
+    #[test]
+    fn without_a_mechanism_a_model_or_this_measure_nothing_changes() {
+        assert_eq!(Loads::of(&Machine::four_axes(&[]).unwrap()), None);
+        let mut machine = excavator(1500.0);
+        let usual = [Load::USUAL; AXES];
+        assert_eq!(Loads::of(&machine).unwrap().at(&OUT), usual, "nothing was found");
+        arm(&mut machine, |model| model.overrun.extend = 1e4);
+        assert_ne!(Loads::of(&machine).unwrap().at(&OUT), usual);
+        machine.axes[1].control.without.load = true;
+        assert_eq!(Loads::of(&machine).unwrap().at(&OUT), usual);
+        machine.axes.iter_mut().for_each(|axis| (axis.commissioned, axis.control.without.load) = (None, false));
+        assert_eq!(Loads::of(&machine).unwrap().at(&OUT), usual);
+    }
+}

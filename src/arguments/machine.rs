@@ -38,6 +38,11 @@ pub struct MachineFile {
 }
 
 impl BareMachine {
+    /// Name of the file, for messages.
+    pub fn name(&self) -> String {
+        self.machine.as_ref().map_or("built-in machine".to_owned(), |file| file.display().to_string())
+    }
+
     /// The values that replace those of the file. Later ones win: first the model file, then `--set`, then `scenario`.
     ///
     /// # Errors
@@ -88,6 +93,15 @@ pub fn load_bare(arguments: &BareMachine, scenario: Option<&str>) -> Result<Mach
     settings.extend(scenario.map(|name| ("scenario".to_owned(), name.to_owned())));
     let (machine, _) = Machine::explain(arguments.machine.as_deref(), arguments.model.as_deref(), &settings)?;
     Ok(machine)
+}
+
+/// What a machine without a mechanism lacks, for a refusal of it.
+pub fn mechanism_only(arguments: &BareMachine) -> String {
+    format!(
+        "{}: mechanism: found nothing; allowed: the tables [mechanism.boom], .arm, .telescope and .bucket with pins \
+         and masses, as examples/excavator.toml has them",
+        arguments.name()
+    )
 }
 
 /// What can be simulated, for a refusal of `machine`, whose source is another one.

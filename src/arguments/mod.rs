@@ -11,6 +11,7 @@ pub mod values;
 pub use clash::clash;
 pub use columns::ColumnArguments;
 pub use machine::{
-    BareMachine, MachineFile, UnknownAxis, axes, axes_of, load, load_bare, simulated_only, with_scenarios,
+    BareMachine, MachineFile, UnknownAxis, axes, axes_of, load, load_bare, mechanism_only, simulated_only,
+    with_scenarios,
 };
 pub use mistyped::refusal;

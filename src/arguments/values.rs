@@ -168,6 +168,15 @@ pub fn place(text: &str) -> Result<[f64; 2], String> {
     near.ok_or_else(|| "allowed: X,Z in m, such as 6.2,-0.5, or with their units; -100 to 100 m".to_owned())
 }
 
+/// Most that a bucket holds, kg.
+const HEAVIEST: f64 = 1e5;
+
+/// A mass in the bucket, kg.
+pub fn payload(text: &str) -> Result<f64, String> {
+    let mass = in_unit(text, "kg").filter(|mass| (0.0..=HEAVIEST).contains(mass));
+    mass.ok_or_else(|| format!("allowed: 0 to {HEAVIEST} kg, as {}", allowed_in("kg")))
+}
+
 /// A length or a speed greater than 0 in `unit`.
 pub fn positive_in(unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
     let allowed = move || format!("allowed: more than 0 {unit}, as {}", allowed_in(unit));
@@ -221,6 +230,7 @@ mod tests {
         assert_eq!(["0.3", "300mm", "30 cm", "0.3m"].map(position), [Ok(0.3), Ok(0.3), Ok(0.3), Ok(0.3)]);
         assert_eq!(position("-300mm"), Ok(-0.3));
         assert_eq!(["0.05", "50mm/s", "3m/min"].map(positive_in("m/s")), [Ok(0.05), Ok(0.05), Ok(0.05)]);
+        assert_eq!(["1500", "1.5t", "1500 kg", "0"].map(payload), [Ok(1500.0), Ok(1500.0), Ok(1500.0), Ok(0.0)]);
         assert_eq!(["0.2", "20%", "-100%"].map(valve_command), [Ok(0.2), Ok(0.2), Ok(-1.0)]);
     }
 
@@ -232,6 +242,10 @@ mod tests {
             assert!(valve_command(wrong).unwrap_err().contains("[-1, 1]"), "{wrong}");
         }
         assert!(positive_in("m")("0mm").is_err() && positive_in("m")("-1").is_err() && valve_command("101%").is_err());
+        for wrong in ["-1", "1e6", "200t", "much", "3m"] {
+            let allowed = "allowed: 0 to 100000 kg, as a number in kg or with one of the units kg, t, g, lb";
+            assert_eq!(payload(wrong), Err(allowed.to_owned()), "{wrong}");
+        }
         assert!(whole("-1").is_err() && whole("1.5").is_err() && whole("7") == Ok(7));
     }
 }

@@ -149,7 +149,7 @@ impl Teeth {
             max_at: has_begun.then_some(self.worst),
             pitch_rms: has_begun.then(|| self.pitch.rmse()),
             duration: self.plan.duration(),
-            length: self.plan.way().length(),
+            length: self.plan.travel(),
             is_done: self.is_done,
             awaited: if has_begun { None } else { self.awaited() },
             error: self.error,

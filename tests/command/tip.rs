@@ -59,6 +59,41 @@ fn a_boom_that_turns_round_is_counted_and_positions_by_hand_are_told() {
     assert!(found["chosen"].as_str().unwrap().contains("chose at the end of 1 piece"), "{found}");
 }
 
+/// Regression: a bucket that turned in place was said to move its teeth by 0.9 m.
+#[test]
+fn a_turn_in_place_is_shown_in_degrees() {
+    let folder = folder("{ to = [6.7, 0.0] }, { to = [6.7, 0.0], pitch = -150 }");
+    let found = figures(folder.path(), &[]);
+    let of = |key: &str| found["pieces"][1][key].as_f64().unwrap();
+    assert_eq!((of("length"), of("speed")), (0.0, 0.0), "{found}");
+    assert!((of("turn") + 35.0).abs() < 1e-9 && of("turn_rate") > 5.0, "{found}");
+    assert!((found["length"].as_f64().unwrap() - 0.5).abs() < 1e-9, "{found}");
+    let text = success(folder.path(), &["tip", "m.toml", "--trajectory", "t.csv"]);
+    assert!(text.contains("The teeth: 0.500 m in ") && text.contains(" turn, deg  deg/s "), "{text}");
+    let row: Vec<&str> = text.lines().find(|line| line.contains("tip.piece[1]")).unwrap().split_whitespace().collect();
+    assert_eq!((row[1], row[3], row[4]), ("0.000", "0.000", "-35.0"), "{text}");
+    let csv = fs::read_to_string(folder.path().join("t.csv")).unwrap();
+    let way: f64 = csv.lines().last().unwrap().split(',').nth(1).unwrap().parse().unwrap();
+    assert!((way - 0.5).abs() < 1e-9, "{way}");
+}
+
+#[test]
+fn a_payload_may_have_its_unit() {
+    let folder = folder("{ to = [3.7, 0.0] }");
+    let [plain, tonnes] = ["1500", "1.5t"].map(|payload| figures(folder.path(), &["--payload", payload]));
+    assert_eq!((&plain, &plain["payload"]), (&tonnes, &1500.0.into()));
+}
+
+/// Regression: reading this took 19 s.
+#[test]
+fn far_too_many_pieces_are_refused_at_once() {
+    let many = folder(&"{ to = [5.5, 0.0] },\n".repeat(20_000));
+    let started = std::time::Instant::now();
+    let expected = "tip.piece: found 20000 pieces; allowed: 1 to 100 tables [[tip.piece]], or a file";
+    expect_refusal(many.path(), &["tip", "m.toml"], &[expected]);
+    assert!(started.elapsed().as_secs_f64() < 5.0, "{:?}", started.elapsed());
+}
+
 #[test]
 fn picture_and_trajectory_are_written_and_the_trajectory_is_the_plan() {
     let folder = folder("{ to = [3.7, 0.0] }");

@@ -1,6 +1,7 @@
 //! What a plan asks of the machine, piece by piece: for whoever looks at a task before it runs.
 //!
-//! Speeds are those from period to period. A piece has the periods in whose middle the teeth are on it.
+//! Speeds are those from period to period. A piece has the periods in whose middle the teeth are on it; a piece that is
+//! shorter than a period has the one in which the teeth pass it.
 
 use mechanism::AXES;
 use pipeline::machine::{Machine, TipFree};
@@ -34,13 +35,17 @@ pub struct AxisAccount {
 pub struct PieceAccount {
     /// Number of the piece in the task.
     pub number: usize,
-    /// Length of the way of the teeth, m.
+    /// Length of the way of the teeth, m; 0 where the bucket turns and the teeth stay in place.
     pub length: f64,
     /// s.
     pub time: f64,
     /// Largest speed of the teeth, m/s.
     pub speed: f64,
-    /// What bounds it there.
+    /// Change of the pitch from begin to end, rad.
+    pub turn: f64,
+    /// Largest rate of the pitch, rad/s.
+    pub turn_rate: f64,
+    /// What bounds the motion where it is fastest.
     pub limit: Limit,
     /// The cylinders.
     pub axes: [AxisAccount; AXES],
@@ -62,6 +67,8 @@ impl PieceAccount {
             length: 0.0,
             time: 0.0,
             speed: 0.0,
+            turn: 0.0,
+            turn_rate: 0.0,
             limit: Limit::Task,
             axes: [axis; AXES],
             reversals: 0,
@@ -88,27 +95,41 @@ impl TipPlan {
         let cylinders = Cylinders::new(machine, mechanism);
         let timing = Timing::new(machine, task);
         let runs = self.way.runs();
+        let (spans, end) = (self.way.spans(), self.way.length());
         let mut pieces: Vec<PieceAccount> = Vec::new();
+        // Largest speed along s of the last piece, m/s.
+        let mut fastest = 0.0;
         // The run, and the direction in which the boom moved last.
         let mut boom = (usize::MAX, 0.0_f64);
         for (s, positions) in self.lengths.windows(2).zip(self.positions.windows(2)) {
             let middle = 0.5 * (s[0] + s[1]) - 1e-9;
-            let (number, run) = (self.way.number(middle), runs.partition_point(|run| run.1 <= middle));
-            if pieces.last().is_none_or(|piece| piece.number != number) {
-                pieces.push(PieceAccount::new(number));
+            let run = runs.partition_point(|run| run.1 <= middle);
+            // At the end all pieces have been passed.
+            let passed = if s[1] < end { middle } else { end };
+            let now = spans.partition_point(|(_, span)| span.1 <= passed).min(spans.len() - 1);
+            let speeds: [f64; AXES] = std::array::from_fn(|i| (positions[1][i] - positions[0][i]) / self.period);
+            let speed = (s[1] - s[0]) / self.period;
+            // The pieces that the teeth have passed since the middle of the period before have this one.
+            for i in now.min(pieces.len())..=now {
+                let (number, (begin, end)) = spans[i];
+                if i == pieces.len() {
+                    pieces.push(self.still(number, (begin, end)));
+                    fastest = 0.0;
+                }
+                let piece = &mut pieces[i];
+                piece.add(&cylinders, &positions[0], &speeds);
+                piece.add(&cylinders, &positions[1], &speeds);
+                piece.flow = piece.flow.max(timing.filled(&speeds));
+                let inside = if (begin..end).contains(&middle) { middle } else { 0.5 * (begin + end) };
+                let (along, turning) = self.way.rates(inside);
+                piece.speed = piece.speed.max(speed * along.norm());
+                piece.turn_rate = piece.turn_rate.max(speed * turning.abs());
+                if speed > fastest {
+                    fastest = speed;
+                    piece.limit = self.limit(&cylinders, &timing, runs[run.min(runs.len() - 1)], middle, speed);
+                }
             }
             let Some(piece) = pieces.last_mut() else { continue };
-            let speeds: [f64; AXES] = std::array::from_fn(|i| (positions[1][i] - positions[0][i]) / self.period);
-            piece.add(&cylinders, &positions[0], &speeds);
-            piece.add(&cylinders, &positions[1], &speeds);
-            piece.length += s[1] - s[0];
-            piece.time += self.period;
-            piece.flow = piece.flow.max(timing.filled(&speeds));
-            let speed = (s[1] - s[0]) / self.period;
-            if speed > piece.speed {
-                piece.speed = speed;
-                piece.limit = self.limit(&cylinders, &timing, runs[run.min(runs.len() - 1)], middle, speed);
-            }
             if boom.0 != run {
                 boom = (run, 0.0);
             }
@@ -119,6 +140,26 @@ impl TipPlan {
         }
         let flow = timing.flow();
         Some(Account { pieces, allowed_flow: flow.is_finite().then_some(flow) })
+    }
+
+    /// A piece of the task from s to s, m, whose motion is not known yet.
+    fn still(&self, number: usize, (begin, end): (f64, f64)) -> PieceAccount {
+        PieceAccount {
+            length: self.way.travel(end) - self.way.travel(begin),
+            time: self.time(end) - self.time(begin),
+            turn: self.way.place(end).pitch - self.way.place(begin).pitch,
+            ..PieceAccount::new(number)
+        }
+    }
+
+    /// Time at which the teeth are at s, m, in s.
+    fn time(&self, s: f64) -> f64 {
+        if s >= self.way.length() {
+            return self.duration();
+        }
+        let k = self.lengths.partition_point(|length| *length < s);
+        let Some(before) = k.checked_sub(1).map(|k| self.lengths[k]) else { return 0.0 };
+        self.period * (k as f64 - (self.lengths[k] - s) / (self.lengths[k] - before))
     }
 
     /// What bounds the speed of the teeth at s, m, where it is `speed`, m/s.

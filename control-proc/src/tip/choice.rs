@@ -10,14 +10,15 @@
 //!
 //! Postures are worked out on a grid: at all places, with the boom at each of its choices. Between two choices all
 //! values are taken as even. On the built-in machine they are off by less than 1 mm and 0.1 % of the force, and by more
-//! only at a wall. Whoever takes the motion looks at it once more.
+//! only at a wall. Whoever takes the motion looks at it once more. At the edge of the reach few choices are possible at
+//! an end, or none. There the positions of the boom that follow from those of the telescope are choices as well.
 
 use super::{
     posture::{Cylinders, Free, Margins, Posture},
     way::{TipPlace, Way},
 };
 
-/// Positions of the boom that are tried, over its soft limits.
+/// Positions of an axis that are tried, over its soft limits.
 pub const CHOICES: usize = 81;
 /// Length of the way between two places that are tried, m, and the least number of parts of a stretch.
 const STEP: f64 = 0.05;
@@ -31,6 +32,11 @@ const REVERSAL: f64 = 0.3;
 /// A wall may be so much farther away than it seems between two choices, m: another part of the machine comes next to
 /// it there.
 const KINK: f64 = 0.03;
+
+/// A cylinder may have so much more room than it seems between two choices, m.
+const UNEVEN: f64 = 5e-3;
+/// Number of possible choices at a place below which finer ones are tried as well.
+const FEW: usize = 3;
 
 /// What a motion of the boom has to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,9 +66,28 @@ pub fn stations((begin, end): (f64, f64)) -> impl Iterator<Item = f64> {
     (0..=parts).map(move |i| begin + (end - begin) * i as f64 / parts as f64)
 }
 
-/// All choices of the boom.
+/// The choices of an axis between its soft limits, m.
 pub fn choices((low, high): (f64, f64)) -> Vec<f64> {
     (0..CHOICES).map(|choice| low + (high - low) * choice as f64 / (CHOICES - 1) as f64).collect()
+}
+
+/// The choices of the boom at a place, and finer ones where few of them are possible.
+pub fn choices_at(cylinders: &Cylinders, place: &TipPlace) -> Vec<f64> {
+    let mut all = choices(cylinders.limits[0]);
+    if all.iter().filter(|boom| cylinders.expect_free(place, Free::Boom(**boom)).is_ok()).count() < FEW {
+        all.extend(fine_choices(cylinders, place));
+    }
+    all
+}
+
+/// Positions of the boom within the soft limits, with the telescope at each of its choices, m. At the edge of the reach
+/// the boom may have less room than between two of its own choices.
+pub fn fine_choices(cylinders: &Cylinders, place: &TipPlace) -> Vec<f64> {
+    let boom = |telescope: f64| {
+        let posture = cylinders.posture(place, Free::Telescope(telescope))?;
+        (cylinders.margins(&posture).room.0 >= 0.0).then_some(posture.positions[0])
+    };
+    choices(cylinders.limits[2]).into_iter().filter_map(boom).collect()
 }
 
 /// A part of a run along which the boom moves evenly.
@@ -109,10 +134,14 @@ impl Stretch {
                 *postures.get(nearest as usize)?.as_ref()?
             } else {
                 let choice = place as usize;
-                postures[choice].as_ref()?.towards(postures.get(choice + 1)?.as_ref()?, place - place.floor())
+                match (&postures[choice], postures.get(choice + 1)?) {
+                    (Some(one), Some(other)) => one.towards(other, place - place.floor()),
+                    _ => cylinders.posture(teeth, Free::Boom(boom))?,
+                }
             };
             let mut margins = cylinders.margins(&posture);
-            if demand != Demand::Limits && (-KINK..0.0).contains(&margins.wall) {
+            let is_near_wall = demand != Demand::Limits && (-KINK..0.0).contains(&margins.wall);
+            if is_near_wall || (-UNEVEN..0.0).contains(&margins.room.0) {
                 margins = cylinders.margins(&cylinders.posture(teeth, Free::Boom(boom))?);
             }
             demand.is_met(&margins).then(|| cost.max(margins.cost()))

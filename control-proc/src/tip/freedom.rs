@@ -22,7 +22,7 @@
 use pipeline::machine::{TipFree, TipTask};
 
 use super::{
-    choice::{CHOICES, Demand, Stretch, cheapest, choices, stations},
+    choice::{CHOICES, Demand, Stretch, cheapest, choices, choices_at, fine_choices, stations},
     posture::{Cylinders, Free, Short},
     way::Way,
 };
@@ -121,13 +121,14 @@ impl Freedom {
 fn expect_places(cylinders: &Cylinders, way: &Way, runs: &[(f64, f64)]) -> Result<(), NoPosture> {
     let all = choices(cylinders.limits[0]);
     // A choice that is free at a place is most likely free at the next one.
-    let mut last = CHOICES / 2;
+    let mut last = all[CHOICES / 2];
     for s in runs.iter().flat_map(|run| stations(*run)) {
         let place = way.place(s);
         let mut nearest: Option<Short> = None;
-        for choice in std::iter::once(last).chain(0..CHOICES) {
-            let Err(short) = cylinders.expect_free(&place, Free::Boom(all[choice])) else {
-                (last, nearest) = (choice, None);
+        let fine = std::iter::once_with(|| fine_choices(cylinders, &place)).flatten();
+        for boom in std::iter::once(last).chain(all.iter().copied()).chain(fine) {
+            let Err(short) = cylinders.expect_free(&place, Free::Boom(boom)) else {
+                (last, nearest) = (boom, None);
                 break;
             };
             // The least that is missing.
@@ -267,7 +268,7 @@ impl Search<'_, '_> {
     fn choices(&self, parts: &[Parts]) -> Vec<Vec<f64>> {
         let of = |s: f64| {
             let by_hand = self.fixed.iter().find(|point| point.0 == s).map(|point| vec![point.1]);
-            by_hand.unwrap_or_else(|| choices(self.cylinders.limits[0]))
+            by_hand.unwrap_or_else(|| choices_at(self.cylinders, &self.way.place(s)))
         };
         self.ends(parts).map(of).collect()
     }

@@ -164,6 +164,11 @@ impl TipPlan {
         &self.way
     }
 
+    /// Way of the teeth, m: turns in place are no part of it.
+    pub fn travel(&self) -> f64 {
+        self.way.travel(self.way.length())
+    }
+
     /// Where the teeth should be at `t` s.
     pub fn place(&self, t: f64) -> TipPlace {
         self.way.place(self.length(t))

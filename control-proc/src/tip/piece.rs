@@ -57,6 +57,11 @@ impl Piece {
         TipPlace { at, pitch }
     }
 
+    /// Way of the teeth along the piece, m: 0 where the bucket turns and the teeth stay in place.
+    pub fn travel(&self) -> f64 {
+        self.length * self.rates(0.0).0.norm()
+    }
+
     /// Change of place and of pitch per length, at a part of the piece.
     pub fn rates(&self, part: f64) -> (Vector, f64) {
         let way = match self.shape {

@@ -32,6 +32,8 @@ const ROOM_COST: f64 = 0.02;
 const EASY: f64 = 0.75;
 /// What the whole allowed force costs, as a way of the boom, m.
 const LOAD_COST: f64 = 0.02;
+/// Positions that are less far outside a soft limit are at it but for rounding, m.
+const ROUNDING: f64 = 1e-9;
 /// Distance from a wall where there is none, m.
 const FAR: f64 = 1e3;
 
@@ -169,6 +171,7 @@ impl<'m> Cylinders<'m> {
         for i in 0..AXES {
             let ((low, high), position) = (self.limits[i], posture.positions[i]);
             let left = (position - low).min(high - position);
+            let left = if left > -ROUNDING { left.max(0.0) } else { left };
             room = if left < room.0 { (left, i) } else { room };
             let ((pull, push), force) = (self.forces[i], posture.forces[i]);
             let part = if force > 0.0 { force / push } else { -force / pull };

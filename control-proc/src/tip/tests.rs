@@ -237,17 +237,66 @@ fn a_file_that_is_no_way_is_refused_with_its_row() {
     let said = TipPlan::of(&from_file(far, &[]).unwrap()).unwrap_err().to_string();
     assert!(said.contains("cut.csv: rows 2 to 3: found [") && said.starts_with("tip.file: "), "{said}");
     for (text, expected) in [
-        ("x,z\n7.2,0\n7.2,0\n", "cut.csv:3: row 2, column \"x\": found [7.2, 0]; allowed: another place"),
+        ("x,z\n7.2,0\n7.2,0\n", "cut.csv:3: tip.file: found [7.2, 0] in row 2, column \"x\"; allowed: another place"),
         ("x,z\n7.2,0\n", "found 1 rows; allowed: 2 to 1000 rows below the header"),
+        ("x,z,Pitch\n7.2,0,1\n5,0,1\n", "cut.csv:1: tip.file: found column \"Pitch\"; allowed: columns x, z, pitch"),
+        ("x,z,y\n7.2,0,1\n5,0,1\n", "found column \"y\"; allowed: columns x, z, pitch"),
         ("x,y\n7.2,0\n5,0\n", "\"z\""),
         ("x,z\n7.2,a\n5,0\n", "found \"a\""),
-        ("x,z\n7.2,0\n500,0\n", "found [500, 0]; allowed: -100 to 100 m"),
+        ("x,z\n7.2,0\n500,0\n", "found [500, 0] in row 2, column \"x\"; allowed: -100 to 100 m"),
         ("x,z,pitch\n7.2,0,nan\n5,0,1\n", "nan"),
     ] {
         let said = from_file(text, &[]).unwrap_err();
         assert!(said.contains("tip.file: found ") && said.contains(expected), "{said}");
+        assert_eq!(said.matches("allowed").count(), 1, "{said}");
     }
+    // A separator at the end of the header makes no column.
+    from_file("x,z,\n7.2,0,\n5,0,\n", &[]).unwrap();
     assert!(from_file("x,z\n7.2,0\n5,0\n", &[("tip.rounding", "2")]).is_err());
+}
+
+/// Regression: rows that the teeth pass within a control period were in no line.
+#[test]
+fn every_row_of_a_file_is_accounted_for_however_short_it_is() {
+    let mut text = "x,z\n7.2,0\n".to_owned();
+    let places: Vec<f64> = (1..=30).map(|k| 6.8 - 1e-3 * f64::from(k)).chain([6.4, 6.3999]).collect();
+    text.extend(places.iter().map(|x| format!("{x},0\n")));
+    for more in [&[][..], &[("tip.rounding", "0")]] {
+        let machine = from_file(&text, more).unwrap();
+        let plan = TipPlan::of(&machine).unwrap().unwrap();
+        let pieces = plan.account(&machine).unwrap().pieces;
+        let numbers: Vec<usize> = pieces.iter().map(|piece| piece.number).collect();
+        assert_eq!(numbers, (0..places.len()).collect::<Vec<_>>());
+        let from = std::iter::once(7.2).chain(places.iter().copied());
+        for (piece, (from, to)) in pieces.iter().zip(from.zip(&places)) {
+            assert!((piece.length - (from - to)).abs() < 1e-9, "{piece:?}");
+            assert!(piece.time > 0.0 && piece.speed > 0.0 && piece.room.0.is_finite(), "{piece:?}");
+            assert!(piece.axes.iter().all(|axis| axis.range.0 <= axis.range.1), "{piece:?}");
+        }
+        let sum = |of: fn(&account::PieceAccount) -> f64| pieces.iter().map(of).sum::<f64>();
+        assert!((sum(|piece| piece.time) - plan.duration()).abs() < 1e-9);
+        assert!((sum(|piece| piece.length) - plan.travel()).abs() < 1e-9);
+    }
+}
+
+/// Regression: a turn in place had the way and the speed of its plan, those of the teeth about the pin.
+#[test]
+fn a_turn_in_place_is_a_turn_and_no_way() {
+    let line = TipShape::Line;
+    let pieces = [(line([6.7, 0.0]), None), (line([6.7, 0.0]), Some(-150.0)), (line([6.6, 0.0]), Some(-110.0))];
+    let mut machine = Machine::load(None, &[]).unwrap();
+    let plan = planned_for(&mut machine, task([7.2, 0.0], -115.0, &pieces)).unwrap();
+    assert!((plan.travel() - 0.6).abs() < 1e-9);
+    let pieces = plan.account(&machine).unwrap().pieces;
+    for (piece, (length, turn)) in pieces.iter().zip([(0.5, 0.0), (0.0, -35.0), (0.1, 40.0)]) {
+        assert!((piece.length - length).abs() < 1e-9 && (piece.turn.to_degrees() - turn).abs() < 1e-9, "{piece:?}");
+        assert_eq!((piece.speed > 0.0, piece.turn_rate > 0.0), (length > 0.0, turn != 0.0), "{piece:?}");
+        assert!(piece.time >= turn.to_radians().abs() / piece.turn_rate.max(1e-9), "{piece:?}");
+    }
+    // Along with a turn of 40 degrees the teeth go 0.1 m.
+    let [.., last] = &pieces[..] else { panic!("{pieces:?}") };
+    let slowed = last.speed * 40f64.to_radians() / (0.1 * last.turn_rate);
+    assert!((slowed - 1.0).abs() < 1e-9, "{last:?}");
 }
 
 /// Shortest time of a way, s, with `part` of the machine's speeds and flow, by reachability analysis (Pham and Pham,

@@ -7,7 +7,8 @@
 //!
 //! f part of the piece from 0 to 1, p place of the teeth in m, c centre in m, a angle of the arc in rad, R rotation,
 //! phi pitch of the bucket in rad, L length of the bucket in m. A piece on which the teeth stay in place and the bucket
-//! turns has a length as well: the way of the teeth about the pin. s is the length along all pieces, m.
+//! turns has a length as well: the way of the teeth about the pin. s is the length along all pieces, m. The way of the
+//! teeth themselves is shorter where they turn in place: [`Way::travel`].
 
 use mechanism::Vector;
 use pipeline::machine::{TipShape, TipTask};
@@ -27,6 +28,8 @@ pub struct Way {
     pieces: Vec<Piece>,
     /// s at the end of each piece, m.
     ends: Vec<f64>,
+    /// Way of the teeth to the end of each piece, m.
+    travels: Vec<f64>,
 }
 
 impl Way {
@@ -57,17 +60,34 @@ impl Way {
         if task.rounding > 0.0 {
             pieces = rounded(&pieces, task.rounding);
         }
-        let add = |end: &mut f64, piece: &Piece| {
-            *end += piece.length;
-            Some(*end)
+        let sums = |of: fn(&Piece) -> f64| {
+            let add = |end: &mut f64, piece: &Piece| {
+                *end += of(piece);
+                Some(*end)
+            };
+            pieces.iter().scan(0.0, add).collect()
         };
-        let ends = pieces.iter().scan(0.0, add).collect();
-        Ok(Self { pieces, ends })
+        let (ends, travels) = (sums(|piece| piece.length), sums(Piece::travel));
+        Ok(Self { pieces, ends, travels })
     }
 
     /// Number of the piece of the task at s, m.
     pub fn number(&self, s: f64) -> usize {
         self.pieces[self.piece(s)].number
+    }
+
+    /// Pieces of the task in their order, each with s at its begin and at its end, m.
+    pub fn spans(&self) -> Vec<(usize, (f64, f64))> {
+        let mut spans: Vec<(usize, (f64, f64))> = Vec::new();
+        let mut begin = 0.0;
+        for (piece, end) in self.pieces.iter().zip(&self.ends) {
+            match spans.last_mut() {
+                Some((number, span)) if *number == piece.number => span.1 = *end,
+                _ => spans.push((piece.number, (begin, *end))),
+            }
+            begin = *end;
+        }
+        spans
     }
 
     /// s at the end of a piece of the task, m, with the arc after it; none where there is no such piece.
@@ -81,11 +101,29 @@ impl Way {
         self.ends.last().copied().unwrap_or_default()
     }
 
+    /// Way of the teeth up to s, m: turns in place are no part of it.
+    pub fn travel(&self, s: f64) -> f64 {
+        let (i, part) = self.part(s);
+        self.travels[i] - (1.0 - part) * self.pieces[i].travel()
+    }
+
     /// Where the teeth are at s, m.
     pub fn place(&self, s: f64) -> TipPlace {
+        let (i, part) = self.part(s);
+        self.pieces[i].place(part)
+    }
+
+    /// Change of place and of pitch per length at s, m.
+    pub fn rates(&self, s: f64) -> (Vector, f64) {
+        let (i, part) = self.part(s);
+        self.pieces[i].rates(part)
+    }
+
+    /// Place in the list of the piece at s, m, and the part of the piece from 0 to 1.
+    fn part(&self, s: f64) -> (usize, f64) {
         let i = self.piece(s);
-        let piece = &self.pieces[i];
-        piece.place(((s - (self.ends[i] - piece.length)) / piece.length).clamp(0.0, 1.0))
+        let length = self.pieces[i].length;
+        (i, ((s - (self.ends[i] - length)) / length).clamp(0.0, 1.0))
     }
 
     /// Place in the list of the piece at s, m.
@@ -151,6 +189,8 @@ mod tests {
         let way = Way::new(&task(&pieces), 1.5).unwrap();
         let (arc, turn) = (PI / 2.0, 1.5 * PI / 3.0);
         assert!((way.length() - (2.0 + arc + turn)).abs() < 1e-12);
+        // The teeth stay in place on the last piece.
+        assert!((way.travel(way.length()) - (2.0 + arc)).abs() < 1e-12);
         // Line and arc have the same direction where they meet; the turn begins from a stand.
         assert_eq!(way.runs().len(), 2);
         assert!((way.runs()[0].1 - (2.0 + arc)).abs() < 1e-12);

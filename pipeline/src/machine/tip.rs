@@ -8,7 +8,10 @@ use std::path::{Path, PathBuf};
 
 use mechanism::AXES;
 
-use crate::columns::{Table, TableError, TableProblem};
+use crate::{
+    columns::{Table, TableError, TableProblem},
+    nearest::did_you_mean,
+};
 
 use super::{
     axis::{Axis, ReferenceSource},
@@ -165,12 +168,13 @@ fn pitch_at_start(section: &mut Section) -> f64 {
 fn read_pieces(section: &mut Section) -> Pieces {
     let start = section.key("start", "Where the teeth start, [x, z]").point(TipTask::PLACES, "m");
     let pitch = pitch_at_start(section);
-    let pieces: Vec<TipPiece> = section.list("piece").into_iter().map(TipPiece::read).collect();
+    let pieces = section.list("piece");
     if !(1..=MOST_PIECES).contains(&pieces.len()) {
         let found = format!("{} pieces", pieces.len());
         section.refuse("piece", found, format!("1 to {MOST_PIECES} tables [[tip.piece]], or a file"));
+        return (start, pitch, Vec::new());
     }
-    (start, pitch, pieces)
+    (start, pitch, pieces.into_iter().map(TipPiece::read).collect())
 }
 
 /// The way of a file. Its first row is the start; straight lines lead from row to row.
@@ -193,7 +197,7 @@ fn read_file(section: &mut Section, file: &Path) -> Pieces {
         }
         Err(error) => {
             section.pass_over(&["pitch"]);
-            section.refuse("file", error.to_string(), "a CSV file with columns x, z and, where it changes, pitch");
+            section.refuse_table("file", error);
             refused
         }
     }
@@ -208,6 +212,13 @@ fn read_rows(file: &Path) -> Result<(Vec<Row>, bool), TableError> {
     let has_pitch = table.has(PITCH);
     let names: Vec<&str> = PLACE.into_iter().chain(has_pitch.then_some(PITCH)).collect();
     let columns = table.numbers(&names, "")?;
+    let known = [PLACE[0], PLACE[1], PITCH];
+    // A separator at the end of the header makes a column without a name.
+    if let Some(unknown) = table.names().find(|name| !name.is_empty() && !known.contains(name)) {
+        let found = format!("column \"{unknown}\"");
+        let allowed = format!("columns {}{}", known.join(", "), did_you_mean(unknown, known));
+        return Err(table.error(vec![TableProblem { line: Some(1), field: None, found, allowed }]));
+    }
     let [x, z] = [&columns.values[0], &columns.values[1]];
     let pitch = |i: usize| has_pitch.then(|| columns.values[2][i]);
     let rows: Vec<_> = (0..x.len()).map(|i| ([x[i], z[i]], pitch(i))).collect();

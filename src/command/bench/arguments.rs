@@ -21,6 +21,10 @@ pub enum Bench {
     Tip(BenchTipArguments),
 }
 
+/// Options of the comparison on one machine, which drawn machines have not. What requires `--machines` conflicts with
+/// them, too: beside them clap does not ask for `--machines`.
+const ONE_MACHINE: [&str; 7] = ["machine", "settings", "model", "dead_time", "seeds", "scenarios", "controllers"];
+
 /// `bench control`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -71,7 +75,7 @@ pub struct BenchControlArguments {
     /// Drawn machines instead of a machine file: this many test rigs of one axis, each commissioned and then driven by
     /// its fallback and by its model
     #[arg(long, value_name = "N", value_parser = in_range(1_u64, 100_000), allow_hyphen_values = true,
-          conflicts_with_all = ["machine", "settings", "model", "dead_time", "seeds", "scenarios", "controllers"])]
+          conflicts_with_all = ONE_MACHINE)]
     pub machines: Option<u64>,
     /// Seed of the drawn machines
     #[arg(
@@ -81,20 +85,23 @@ pub struct BenchControlArguments {
         value_parser = whole,
         allow_hyphen_values = true,
         requires = "machines",
+        conflicts_with_all = ONE_MACHINE,
     )]
     pub seed: u64,
     /// Only one half of the drawn machines
-    #[arg(long, value_enum, requires = "machines")]
+    #[arg(long, value_enum, requires = "machines", conflicts_with_all = ONE_MACHINE)]
     pub half: Option<Half>,
     /// Only the drawn machine with this number, from 0; may be given several times
-    #[arg(long, value_name = "NUMBER", value_parser = whole, allow_hyphen_values = true, requires = "machines")]
+    #[arg(long, value_name = "NUMBER", value_parser = whole, allow_hyphen_values = true, requires = "machines",
+          conflicts_with_all = ONE_MACHINE)]
     pub only: Vec<u64>,
     /// Give every drawn machine a wrong model in place of the commissioned one, and compare its Smith predictor with
     /// its fallback; machines that commissioning leaves to their fallback are left out
-    #[arg(long, requires = "machines", conflicts_with = "write")]
+    #[arg(long, requires = "machines", conflicts_with_all = ONE_MACHINE, conflicts_with = "write")]
     pub wrong_models: bool,
     /// Write the machine files of the drawn machines into this folder, and run nothing
-    #[arg(long, value_name = "FOLDER", requires = "machines", conflicts_with = "json")]
+    #[arg(long, value_name = "FOLDER", requires = "machines", conflicts_with_all = ONE_MACHINE,
+          conflicts_with = "json")]
     pub write: Option<PathBuf>,
     /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N", value_parser = in_range(1_u16, u16::MAX), allow_hyphen_values = true)]

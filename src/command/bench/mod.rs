@@ -75,8 +75,7 @@ fn all_cores() -> usize {
 fn scenarios(arguments: &BenchControlArguments) -> Result<Vec<Machine>, Failure> {
     let mut names = arguments.scenarios.clone();
     if names.is_empty() {
-        let closed = Scenario::built_in().into_iter().filter(|scenario| scenario.commands.is_empty());
-        names.extend(closed.map(|scenario| scenario.name));
+        names.extend(closed_loops());
     }
     let mut machines = Vec::new();
     for name in names {
@@ -84,15 +83,30 @@ fn scenarios(arguments: &BenchControlArguments) -> Result<Vec<Machine>, Failure>
         if machine.source != Source::Sim {
             return Err(Failure::usage(format!("{}, to be controlled", simulated_only(&machine))));
         }
-        if !machine.scenario.commands.is_empty() {
-            let found = format!("--scenario: found \"{name}\", which commands the valves itself");
-            return Err(Failure::usage(format!("{found}; allowed: scenarios without commands")));
-        }
+        expect_closed_loop(&name, &machine)?;
         check::deep(&machine)?;
         check::expect_possible(&machine)?;
         machines.push(machine);
     }
     Ok(machines)
+}
+
+/// Refuses the scenario `name` of this machine where it leaves nothing to a controller.
+fn expect_closed_loop(name: &str, machine: &Machine) -> Result<(), Failure> {
+    if machine.scenario.commands.is_empty() {
+        return Ok(());
+    }
+    let closed: Vec<String> = closed_loops().collect();
+    Err(Failure::usage(format!(
+        "--scenario: found \"{name}\", which commands the valves itself; allowed: scenarios without commands, as {}",
+        closed.join(", ")
+    )))
+}
+
+/// Names of the built-in scenarios with a controller.
+fn closed_loops() -> impl Iterator<Item = String> {
+    let closed = Scenario::built_in().into_iter().filter(|scenario| scenario.commands.is_empty());
+    closed.map(|scenario| scenario.name)
 }
 
 /// Refuses a dead time for which the model has no delay, or that no simulated valve has.

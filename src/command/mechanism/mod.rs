@@ -15,7 +15,7 @@ use mechanism::{AXES, Mechanism, Pose};
 use pipeline::machine::Machine;
 
 use crate::{
-    arguments::load_bare,
+    arguments::{load_bare, mechanism_only},
     failure::Failure,
     report::output::{Output, OutputError, create, is_stdout, show},
 };
@@ -35,7 +35,7 @@ pub fn run(arguments: &MechanismArguments) -> Result<(), Failure> {
         let output = Output::open(arguments.json.as_deref())?;
         return Ok(output.write(|| states::table_of(&answer), &answer)?);
     }
-    let Some(mechanism) = &machine.mechanism else { return Err(missing(arguments)) };
+    let Some(mechanism) = &machine.mechanism else { return Err(Failure::usage(mechanism_only(&arguments.machine))) };
     if let Some(path) = &arguments.urdf {
         if is_stdout(path) && arguments.json.as_deref().is_some_and(is_stdout) {
             return Err(Failure::usage("-: found for --json and --urdf; allowed: one on standard output"));
@@ -54,15 +54,6 @@ pub fn run(arguments: &MechanismArguments) -> Result<(), Failure> {
     }
     let report = MechanismReport::new(&machine, mechanism);
     Ok(output.write(|| report.tables(), &report)?)
-}
-
-fn missing(arguments: &MechanismArguments) -> Failure {
-    let file = arguments.machine.machine.as_ref().map(|file| file.display().to_string());
-    Failure::usage(format!(
-        "{}: mechanism: found nothing; allowed: the tables [mechanism.boom], .arm, .telescope and .bucket with pins \
-         and masses, as examples/excavator.toml has them",
-        file.as_deref().unwrap_or("built-in machine")
-    ))
 }
 
 /// Strokes of the axes of the mechanism, m.

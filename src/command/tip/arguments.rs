@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::arguments::{BareMachine, values::in_range};
+use crate::arguments::{BareMachine, values::payload};
 
 /// `tip`.
 #[derive(Debug, Args)]
@@ -12,7 +12,7 @@ use crate::arguments::{BareMachine, values::in_range};
 Examples:
   hydraxis tip                                           the task of the built-in machine, piece by piece
   hydraxis tip my.toml --model model.toml --plot tip.svg with a picture of the machine on its way
-  hydraxis tip my.toml --payload 1500                    with 1.5 t in the bucket
+  hydraxis tip my.toml --payload 1500                    with 1500 kg in the bucket, as --payload 1.5t
   hydraxis tip my.toml --set tip.boom=0.8                the boom stays at 0.8 m; --set tip.telescope=0.6: the telescope
   hydraxis tip my.toml --trajectory tip.csv              the cylinders and the teeth, period by period
   hydraxis tip my.toml --json - | jq '.pieces[].reversals'
@@ -25,8 +25,8 @@ pub struct TipArguments {
     /// The machine
     #[command(flatten)]
     pub machine: BareMachine,
-    /// Mass in the bucket in kg [default: mechanism.payload.mass of the machine file]
-    #[arg(long, value_name = "KG", value_parser = in_range(0.0_f64, 1e5), allow_hyphen_values = true)]
+    /// Mass in the bucket, in kg or with its unit, such as 1.5t [default: mechanism.payload.mass of the machine file]
+    #[arg(long, value_name = "KG", value_parser = payload, allow_hyphen_values = true)]
     pub payload: Option<f64>,
     /// Write the figures as JSON to a file, or to standard output with - in the place of the tables
     #[arg(long, value_name = "FILE")]

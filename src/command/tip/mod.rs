@@ -62,11 +62,10 @@ fn is_svg(path: &Path) -> bool {
 }
 
 fn missing(arguments: &TipArguments) -> Failure {
-    let file = arguments.machine.machine.as_ref().map(|file| file.display().to_string());
     Failure::usage(format!(
         "{}: tip: found nothing; allowed: a table [tip] with start, pitch, speed and pieces, beside [mechanism], as \
          examples/excavator.toml has them",
-        file.as_deref().unwrap_or("built-in machine")
+        arguments.machine.name()
     ))
 }
 
@@ -78,7 +77,7 @@ fn write_trajectory(machine: &Machine, plan: &TipPlan, file: Box<dyn Write>) -> 
     for (k, positions) in plan.positions().iter().enumerate() {
         let t = k as f64 * plan.period();
         let place = plan.place(t);
-        let teeth = [t, plan.length(t), place.at.x, place.at.z, place.pitch.to_degrees()];
+        let teeth = [t, plan.way().travel(plan.length(t)), place.at.x, place.at.z, place.pitch.to_degrees()];
         rows.write(teeth.iter().chain(positions).map(|value| field(*value)))?;
     }
     rows.finish()

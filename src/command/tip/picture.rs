@@ -45,7 +45,7 @@ pub fn picture(machine: &Machine, mechanism: &Mechanism, plan: &TipPlan, account
     let title = format!(
         "{}: {:.2} m in {:.1} s, {:.0} kg in the bucket",
         machine.name,
-        plan.way().length(),
+        plan.travel(),
         plan.duration(),
         mechanism.masses.payload.mass
     );

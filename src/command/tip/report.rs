@@ -16,13 +16,13 @@ const LITRES: f64 = 6e4;
 /// Positions that are closer are one, m: an axis that stands.
 const SAME: f64 = 5e-4;
 
-/// The figures; SI units.
+/// The figures; SI units, and degrees.
 #[derive(Debug, Serialize)]
 pub struct TipReport {
     machine: String,
     /// kg.
     payload: f64,
-    /// m, and m/s that the task asks for.
+    /// Way of the teeth, m, and the speed that the task asks for, m/s.
     length: f64,
     speed: f64,
     /// s.
@@ -39,10 +39,15 @@ pub struct TipReport {
 #[derive(Debug, Serialize)]
 struct PieceReport {
     piece: String,
+    /// Way of the teeth, m; 0 where the bucket turns and the teeth stay in place.
     length: f64,
     time: f64,
-    /// Largest speed of the teeth, m/s, and what bounds it.
+    /// Largest speed of the teeth, m/s.
     speed: f64,
+    /// Change of the pitch, degrees, and its largest rate, degrees/s.
+    turn: f64,
+    turn_rate: f64,
+    /// What bounds the motion where it is fastest.
     limited_by: String,
     /// How often the boom turns round while the teeth move.
     reversals: usize,
@@ -72,7 +77,7 @@ impl TipReport {
         Self {
             machine: machine.name.clone(),
             payload: machine.mechanism.map_or(0.0, |mechanism| mechanism.masses.payload.mass),
-            length: plan.way().length(),
+            length: plan.travel(),
             speed: machine.tip.as_ref().map_or(f64::NAN, |task| task.speed),
             duration: plan.duration(),
             allowed_flow: account.allowed_flow,
@@ -86,8 +91,19 @@ impl TipReport {
     pub fn tables(&self) -> String {
         let allowed = self.allowed_flow.map_or(String::new(), |flow| format!(" of {:.0}", LITRES * flow));
         let flow = format!("flow{allowed}, l/min");
-        let header =
-            ["piece", "way, m", "time, s", "teeth, m/s", "limited by", "reversals", &flow, "force", "room, mm"];
+        let header = [
+            "piece",
+            "way, m",
+            "time, s",
+            "teeth, m/s",
+            "turn, deg",
+            "deg/s",
+            "limited by",
+            "reversals",
+            &flow,
+            "force",
+            "room, mm",
+        ];
         let pieces = self.pieces.iter().map(PieceReport::row).collect();
         let mut cylinders = vec!["piece".to_owned()];
         for axis in &self.axes {
@@ -120,6 +136,8 @@ impl PieceReport {
             length: piece.length,
             time: piece.time,
             speed: piece.speed,
+            turn: piece.turn.to_degrees(),
+            turn_rate: piece.turn_rate.to_degrees(),
             limited_by: told(piece.limit, axes),
             reversals: piece.reversals,
             flow: piece.flow,
@@ -142,6 +160,9 @@ impl PieceReport {
             format!("{:.3}", self.length),
             format!("{:.2}", self.time),
             format!("{:.3}", self.speed),
+            // A rounding error below 0 is no turn.
+            format!("{:.1}", (10.0 * self.turn).round() / 10.0 + 0.0),
+            format!("{:.1}", self.turn_rate),
             self.limited_by.clone(),
             format!("{}", self.reversals),
             format!("{:.0}", LITRES * self.flow),

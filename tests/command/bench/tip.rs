@@ -103,6 +103,21 @@ fn seeds_are_summed_up_and_a_picture_shows_up_to_four_controllers() {
 }
 
 #[test]
+fn what_makes_no_sense_is_refused_with_what_is_allowed() {
+    let folder = tempfile::tempdir().unwrap();
+    let refuse = |more: &[&str], expected: &[&str]| {
+        expect_refusal(folder.path(), &[&["bench", "tip"], more].concat(), expected);
+    };
+    refuse(&["--drawn", "3", "--seed", "x"], &["--seed: found \"x\"; allowed: a whole number"]);
+    let open = ["--scenario: found \"open-loop\"", "allowed: scenarios without commands, as nominal, cold-start, "];
+    refuse(&["--scenario", "open-loop"], &open);
+    fs::write(folder.path().join("four.toml"), pipeline::machine::FOUR_AXES).unwrap();
+    refuse(&["four.toml"], &["four.toml: mechanism: found nothing; allowed: the tables [mechanism.boom]"]);
+    let mass = "allowed: 0 to 100000 kg, as a number in kg or with one of the units kg, t, g, lb";
+    refuse(&["--payload", "-1"], &["--payload: found \"-1\"", mass]);
+}
+
+#[test]
 fn no_key_of_a_machine_file_switches_a_measure_off() {
     for key in ["tip.without", "tip.without.scaling", "axis.boom.control.without.learning"] {
         let set = format!("{key}=true");

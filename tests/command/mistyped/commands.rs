@@ -61,6 +61,9 @@ const OPTIONS: &[Row] = &[
     ),
     ("identify record.csv --inputs u", &["--inputs: found an unknown", "`--input`?", "next: "]),
     ("bench control --seed 3", &["--machines: found nothing, and another option here needs it; allowed: --machines N"]),
+    ("bench control --seed 3 --scenario payload", &["--seed: found with --scenario; allowed: without it", "next: "]),
+    ("bench tip --seed 3", &["--drawn: found nothing, and another option here needs it; allowed: --drawn N", "next: "]),
+    ("bench tip --seed 3 --task level", &["--seed: found with --task; allowed: without it", "next: "]),
     ("bench control --only 17", &["--machines: found nothing, and another option here needs it", "next: "]),
     ("bench control --machines 5 --seeds 3", &["--machines: found with --seeds; allowed: without it", "next: "]),
     (

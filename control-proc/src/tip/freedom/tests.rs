@@ -205,3 +205,39 @@ fn between_two_choices_a_posture_is_nearly_even() {
     println!("{length} m, {part}, {wall} m");
     assert!(length > 0.0 && length < 1e-3 && part < 1e-3 && wall < 5e-3, "{length} m, {part}, {wall} m");
 }
+
+/// Regression: at the edge of the reach the boom has less room than between two of its choices. These tasks were
+/// refused, and could be planned with a telescope by hand.
+#[test]
+fn at_the_edge_of_the_reach_a_task_that_a_telescope_by_hand_can_do_is_planned() {
+    let machine = machine(0.0, None);
+    for (start, pitch, to, telescope) in
+        [([5.411, -2.589], -75.26, [6.017, -1.718], 1.13), ([6.859, 3.437], -128.71, [6.772, 3.453], 1.14)]
+    {
+        let line = task(start, pitch, &[TipShape::Line(to)]);
+        let by_hand = TipTask { free: Some(TipFree::Telescope(telescope)), ..line.clone() };
+        chosen_for(&machine, &by_hand).unwrap();
+        let found = chosen_for(&machine, &line);
+        assert!(found.is_ok(), "{start:?}: {found:?}");
+    }
+}
+
+/// Regression: the boom that puts the telescope at its soft limit puts it there to a rounding error, and the task was
+/// refused.
+#[test]
+fn a_telescope_by_hand_may_be_at_its_soft_limit_for_the_whole_task_or_at_the_end_of_a_piece() {
+    let machine = machine(0.0, None);
+    for (x, limit) in [(4.5, 0.05), (5.0, 0.05), (7.2, 0.05), (6.2, 1.15), (7.2, 1.15), (8.0, 1.15)] {
+        let lines = [TipShape::Line([x - 0.4, 0.0]), TipShape::Line([x - 0.8, 0.0])];
+        let level = task([x, 0.0], -115.0, &lines);
+        let whole = TipTask { free: Some(TipFree::Telescope(limit)), ..level.clone() };
+        chosen_for(&machine, &whole).unwrap();
+        let mut by_piece = level.clone();
+        by_piece.pieces[0].free = Some(TipFree::Telescope(limit));
+        let found = chosen_for(&machine, &by_piece);
+        assert!(found.is_ok(), "{x} {limit}: {found:?}");
+        by_piece.pieces[1].free = Some(TipFree::Telescope(limit));
+        let found = chosen_for(&machine, &by_piece);
+        assert!(found.is_ok(), "{x} {limit}: {found:?}");
+    }
+}

@@ -76,7 +76,8 @@ pub(super) struct Entry {
 /// A parsed document with its settings, and what has been found while it was read.
 pub(super) struct Document<'i> {
     root: DeTable<'i>,
-    text: &'i str,
+    /// Where the lines of the text end.
+    line_ends: Vec<usize>,
     settings: RefCell<Vec<Setting>>,
     /// Where the text is no TOML.
     grammar: Vec<Problem>,
@@ -95,7 +96,7 @@ impl<'i> Document<'i> {
         let (root, errors) = DeTable::parse_recoverable(text);
         Self {
             root: root.into_inner(),
-            text,
+            line_ends: text.match_indices('\n').map(|(end, _)| end).collect(),
             settings: RefCell::new(settings),
             grammar: grammar::problems(text, &errors),
             problems: RefCell::default(),
@@ -273,6 +274,6 @@ impl<'i> Document<'i> {
     }
 
     fn line(&self, offset: usize) -> usize {
-        1 + self.text[..offset.min(self.text.len())].matches('\n').count()
+        1 + self.line_ends.partition_point(|end| *end < offset)
     }
 }

@@ -7,7 +7,10 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-use crate::nearest::{nearest, question};
+use crate::{
+    columns::{TableError, TableProblem},
+    nearest::{nearest, question},
+};
 
 use super::{
     Document,
@@ -148,6 +151,16 @@ impl<'d, 'i> Section<'d, 'i> {
             None => (self.place_of(key), found.into()),
         };
         self.document.problem(place, self.path_of(key), found, allowed);
+    }
+
+    /// Notes what is wrong with the CSV file that a key of this table names.
+    pub fn refuse_table(&self, key: &str, error: TableError) {
+        let file = error.file.display().to_string();
+        for TableProblem { line, field, found, allowed } in error.problems {
+            let field = field.map_or(String::new(), |(row, column)| format!(" in row {row}, column \"{column}\""));
+            let place = Place { file: Some(file.clone()), line };
+            self.document.problem(place, self.path_of(key), found + &field, allowed);
+        }
     }
 
     /// Takes the value of a key, if there is one, and notes that the key was asked for.

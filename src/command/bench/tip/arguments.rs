@@ -7,8 +7,12 @@ use clap::Args;
 use super::{controller::Without, task::TipTaskKind};
 use crate::arguments::{
     BareMachine,
-    values::{in_range, positive_in},
+    values::{in_range, payload, positive_in, whole},
 };
+
+/// Options of the six tasks, which drawn tasks have not. What requires `--drawn` conflicts with them, too: beside them
+/// clap does not ask for `--drawn`.
+const NAMED: [&str; 5] = ["tasks", "speeds", "payloads", "seeds", "picture"];
 
 /// `bench tip`.
 #[derive(Debug, Args)]
@@ -29,8 +33,8 @@ pub struct BenchTipArguments {
     /// Speed of the teeth; may be given several times [default: 0.2, 0.35 and 0.5 m/s]
     #[arg(long = "speed", value_name = "V", value_parser = positive_in("m/s"), allow_hyphen_values = true)]
     pub speeds: Vec<f64>,
-    /// Mass in the bucket in kg; may be given several times [default: 0, 1000 and 1500]
-    #[arg(long = "payload", value_name = "KG", value_parser = in_range(0.0_f64, 1e5), allow_hyphen_values = true)]
+    /// Mass in the bucket, in kg or with its unit, such as 1.5t; may be given several times [default: 0, 1000 and 1500]
+    #[arg(long = "payload", value_name = "KG", value_parser = payload, allow_hyphen_values = true)]
     pub payloads: Vec<f64>,
     /// Only this scenario; may be given several times [default: every built-in scenario with a controller]
     #[arg(long = "scenario", value_name = "NAME")]
@@ -56,10 +60,18 @@ pub struct BenchTipArguments {
     pub picture: Option<PathBuf>,
     /// Drive so many tasks that are drawn at random, each with a load and under one of the scenarios
     #[arg(long, value_name = "N", value_parser = in_range(1_u64, 100_000), allow_hyphen_values = true,
-          conflicts_with_all = ["tasks", "speeds", "payloads", "seeds", "picture"])]
+          conflicts_with_all = NAMED)]
     pub drawn: Option<u64>,
     /// Seed of the drawn tasks
-    #[arg(long, default_value_t = 1, requires = "drawn")]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 1,
+        value_parser = whole,
+        allow_hyphen_values = true,
+        requires = "drawn",
+        conflicts_with_all = NAMED,
+    )]
     pub seed: u64,
     /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N", value_parser = in_range(1_u16, u16::MAX), allow_hyphen_values = true)]

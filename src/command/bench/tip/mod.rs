@@ -31,11 +31,11 @@ mod task;
 
 use std::io::Write;
 
-use pipeline::machine::{Machine, Scenario, Source};
+use pipeline::machine::{Machine, Source};
 
-use super::parallel;
+use super::{closed_loops, expect_closed_loop, parallel};
 use crate::{
-    arguments::{load_bare, simulated_only},
+    arguments::{load_bare, mechanism_only, simulated_only},
     command::check,
     failure::Failure,
     report::output::{Output, create, written},
@@ -127,9 +127,8 @@ fn drawn<'m>(
 
 /// The machine under each of the scenarios.
 fn machines(arguments: &BenchTipArguments) -> Result<Vec<Machine>, Failure> {
-    let closed = || Scenario::built_in().into_iter().filter(|scenario| scenario.commands.is_empty());
     let names = match &arguments.scenarios[..] {
-        [] => closed().map(|scenario| scenario.name).collect(),
+        [] => closed_loops().collect(),
         given => given.to_vec(),
     };
     let one = |name: &String| {
@@ -137,10 +136,9 @@ fn machines(arguments: &BenchTipArguments) -> Result<Vec<Machine>, Failure> {
         if machine.source != Source::Sim {
             return Err(Failure::usage(format!("{}, to be controlled", simulated_only(&machine))));
         }
+        expect_closed_loop(name, &machine)?;
         if machine.mechanism.is_none() {
-            return Err(Failure::usage(
-                "found a machine without [mechanism]; allowed: one that says where its teeth are",
-            ));
+            return Err(Failure::usage(mechanism_only(&arguments.machine)));
         }
         check::deep(&machine)?;
         Ok(machine)

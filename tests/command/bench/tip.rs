@@ -41,7 +41,7 @@ fn drawn_tasks_of_the_teeth_are_refused_before_they_begin_or_done() {
 fn every_measure_that_is_switched_off_changes_what_it_says() {
     let rows = rows(&[&ONE[..], &["--without", "all"]].concat());
     let names: Vec<&str> = rows.iter().map(|row| row["controller"].as_str().unwrap()).collect();
-    let less = ["feedforward", "learning", "hysteresis", "scaling", "waiting", "free-axis"];
+    let less = ["feedforward", "learning", "hysteresis", "load", "scaling", "waiting", "free-axis"];
     let less = less.map(|measure| format!("without-{measure}"));
     let expected: Vec<&str> =
         ["fallback", "model"].into_iter().chain(less.iter().map(String::as_str)).chain(["joint"]).collect();

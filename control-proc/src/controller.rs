@@ -37,6 +37,14 @@ use crate::{
 /// Time for which the teeth wait for axes that come no closer to the begin of their way, s.
 const PATIENCE_AT_BEGIN: f64 = 5.0;
 
+/// What the axes of a mechanism do together; nothing for a machine without one.
+#[derive(Debug, Clone)]
+struct Linkage {
+    walls: Option<Walls>,
+    loads: Option<Loads>,
+    teeth: Option<TipWatch>,
+}
+
 /// The controller of a machine. Disarmed until [`Controller::arm`] or a request arms its axes.
 #[derive(Debug, Clone)]
 pub struct Controller {
@@ -45,11 +53,7 @@ pub struct Controller {
     /// T, s.
     period: f64,
     axes: Vec<AxisController>,
-    walls: Option<Walls>,
-    /// None for a machine without a mechanism.
-    loads: Option<Loads>,
-    /// None for a machine without a mechanism.
-    teeth: Option<TipWatch>,
+    linkage: Linkage,
     request: Option<Request>,
     operators: Operators,
     last_sequence: Option<u64>,
@@ -75,9 +79,7 @@ impl Controller {
             period,
             path: Path::new(axes.iter().map(AxisController::ahead).max().unwrap_or_default(), period, patience(period)),
             axes,
-            walls: Walls::of(machine),
-            loads: Loads::of(machine),
-            teeth: TipWatch::of(machine),
+            linkage: Linkage { walls: Walls::of(machine), loads: Loads::of(machine), teeth: TipWatch::of(machine) },
             request: None,
             operators: Operators::new(samples_of(STREAM_TIMEOUT, machine.timing.period).max(1) as u64),
             last_sequence: None,
@@ -228,7 +230,7 @@ impl Controller {
     fn advance_path(&mut self, sequence: u64) {
         let (axes, generator) = (&self.axes, &self.generator);
         let waits = axes.iter().any(AxisController::waits);
-        let ease = self.teeth.as_ref().map_or(1.0, TipWatch::pace);
+        let ease = self.linkage.teeth.as_ref().map_or(1.0, TipWatch::pace);
         self.path.advance(sequence, (waits, ease), |tick| {
             axes.iter().map(|axis| axis.rate(tick, generator)).fold(1.0, f64::min)
         });
@@ -245,7 +247,7 @@ impl Controller {
 
     /// Works out what the axes bear where they were last. While a position is not known, that stays as it was.
     fn bear_loads(&mut self) {
-        let Some((loads, positions)) = self.loads.as_ref().zip(self.positions()) else { return };
+        let Some((loads, positions)) = self.linkage.loads.as_ref().zip(self.positions()) else { return };
         for (axis, load) in self.axes.iter_mut().zip(loads.at(&positions)) {
             axis.bear(load);
         }
@@ -254,7 +256,7 @@ impl Controller {
     /// Works out where the teeth are.
     fn watch_teeth(&mut self, command: &mut ValveCommand) {
         let positions = self.positions();
-        let Some(teeth) = &mut self.teeth else { return };
+        let Some(teeth) = &mut self.linkage.teeth else { return };
         let references = std::array::from_fn(|i| command.axes[i].reference);
         let now = self.path.ticks()[0];
         let since = self.generator.tip_start().map(|start| self.period * (now - start)).filter(|t| *t >= 0.0);
@@ -264,7 +266,7 @@ impl Controller {
 
     /// Leaves of the commands what keeps boom, arm and bucket within the virtual walls.
     fn keep_within_walls(&mut self, command: &mut ValveCommand) {
-        let Some(walls) = &mut self.walls else { return };
+        let Some(walls) = &mut self.linkage.walls else { return };
         let mut wanted = [Wanted::default(); AXES];
         for (wanted, axis) in wanted.iter_mut().zip(&self.axes) {
             *wanted = axis.wanted();

@@ -1,4 +1,4 @@
-//! What the loads of the axes do to their speeds and their swings, by the mechanism and the payload of the machine file.
+//! What the loads of the axes do to their speeds and swings, by the mechanism and the payload of the machine file.
 //!
 //! ```text
 //! g_i = max(1, sqrt(P_i / P_0i))          r_i = min(1, sqrt(m_i / M_ii))          a_i = min(1, G_i(r_i) / G_i(1))

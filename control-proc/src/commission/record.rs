@@ -24,8 +24,8 @@ pub struct ExperimentRecord {
     pub mass: f64,
 }
 
-/// Least pressure in the drained chamber at which an outlet passes more than the inlet, Pa: that of an outlet as wide as
-/// the inlet of a cylinder of which one side is half as large as the other, behind a compensator of 2 MPa.
+/// Least pressure in the drained chamber at which an outlet passes more than the inlet, Pa: that of an outlet as wide
+/// as the inlet of a cylinder of which one side is half as large as the other, behind a compensator of 2 MPa.
 const LEAST_OVERRUNNING: f64 = 0.5e6;
 
 impl ExperimentRecord {

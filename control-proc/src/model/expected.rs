@@ -4,15 +4,16 @@
 //! x(k) = w(k) + exp(-T/tau) (x(k-1) - w(k))          v(k) = g c(x(k))          Y(k) = Y(k-1) + T v(k)
 //! ```
 //!
-//! w acting command behind the play of the hysteresis ([`Play`]), c static curve in m/s, g what the load makes of it ([`Load`]), tau time constant in s, T
-//! period in s. The axis has made the way Y(k-n) m after tick k; n = t_d/T dead time in ticks, with straight lines
-//! between the ticks.
+//! w acting command behind the play of the hysteresis ([`Play`]), c static curve in m/s, g what the load makes of it
+//! ([`Load`]), tau time constant in s, T period in s. The axis has made the way Y(k-n) m after tick k; n = t_d/T dead
+//! time in ticks, with straight lines between the ticks.
 
-use crate::load::Load;
 use pipeline::{
     hammerstein::{MAX_DELAY, Play},
     machine::Commissioned,
 };
+
+use crate::load::Load;
 
 /// The expected motion of one axis.
 #[derive(Debug, Clone)]

@@ -19,7 +19,7 @@
 //!
 //! | rule | v | t_i | what it does |
 //! |---|---|---|---|
-//! | gentle | of a person's commands, by static curve and load | `stop_reaction` | these speeds become s times as fast |
+//! | gentle | of a person's commands, by curve and load | `stop_reaction` | these speeds become s times as fast |
 //! | hard | the greater of measured and commanded | 1.5 (t_d + tau) + T + 20 ms + 1/w0 | s < 1: neutral |
 //!
 //! The hard rule spares axes that lead away. t_d is the dead time and tau the lag of the commissioned model; 1/w0
@@ -30,9 +30,10 @@
 //!
 //! Trap: an axis whose position is not known may be anywhere. Then all four are neutral.
 
-use crate::load::at_rest;
 use mechanism::{AXES, FourBar, Joint, Mechanism, Pose, PreparedMechanism, Rotation, Vector};
 use pipeline::machine::{Axis, Commissioned, Machine, Overrun, Walls as WallSettings};
+
+use crate::load::at_rest;
 
 /// t of an axis that is not commissioned, s.
 const UNKNOWN_TIME: f64 = 1.0;

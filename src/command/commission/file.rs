@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use pipeline::machine::{Axis, Commissioned, Control, DeadBand, Law, SMITH_MEMORY, SmithSettings};
+use pipeline::machine::{Axis, Commissioned, Control, DeadBand, Hardware, Law, SMITH_MEMORY, SmithSettings};
 
 use thiserror::Error;
 
@@ -67,6 +67,7 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commis
                     (String::new(), "model = \"none\"    # the fallback follows as well as a model would\n".to_owned())
                 }
             };
+            // Writing to a string cannot fail.
             let _ = write!(
                 text,
                 "\n[axis.{name}.identification]\nestimator = \"grey-box\"    # its speeds and its lag are adapted\n\
@@ -74,37 +75,47 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commis
                  dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n{chosen}"
             );
         }
-        let Commissioned {
-            dead_time,
-            time_constant,
-            dead_band,
-            hysteresis,
-            natural_frequency,
-            damping,
-            openings,
-            speeds_extend,
-            speeds_retract,
-            overrun,
-            mass,
-            fit_percent,
-        } = model;
-        let numbers = [("overrun_extend", overrun.extend), ("overrun_retract", overrun.retract), ("mass", *mass)];
-        let known = numbers.into_iter().filter(|(_, value)| value.is_finite());
-        let load: String = known.map(|(key, value)| format!("{key} = {value:?}\n")).collect();
-        // Writing to a string cannot fail.
-        let _ = write!(
-            text,
-            "\n[axis.{name}.commissioned]\nmeasured_on = \"{}\"\ndead_time = {dead_time:?}\n\
-             time_constant = {time_constant:?}\n\
-             dead_band_extend = {:?}\ndead_band_retract = {:?}\nhysteresis = {hysteresis:?}\n\
-             natural_frequency = {natural_frequency:?}\ndamping = {damping:?}\n\
-             openings = {openings:?}\n\
-             speeds_extend = {speeds_extend:?}\nspeeds_retract = {speeds_retract:?}\n\
-             {load}fit_percent = {fit_percent:?}    # of the motion half a second ahead\n",
-            hardware.text, dead_band.extend, dead_band.retract
-        );
+        text += &table(name, hardware, model);
     }
     text
+}
+
+/// The table `commissioned` of an axis.
+fn table(name: &str, hardware: &Hardware, model: &Commissioned) -> String {
+    let Commissioned {
+        dead_time,
+        time_constant,
+        dead_band,
+        hysteresis,
+        natural_frequency,
+        damping,
+        openings,
+        speeds_extend,
+        speeds_retract,
+        fit_percent,
+        ..
+    } = model;
+    format!(
+        "\n[axis.{name}.commissioned]\nmeasured_on = \"{}\"\ndead_time = {dead_time:?}\n\
+         time_constant = {time_constant:?}\n\
+         dead_band_extend = {:?}\ndead_band_retract = {:?}\nhysteresis = {hysteresis:?}\n\
+         natural_frequency = {natural_frequency:?}\ndamping = {damping:?}\n\
+         openings = {openings:?}\n\
+         speeds_extend = {speeds_extend:?}\nspeeds_retract = {speeds_retract:?}\n\
+         {}fit_percent = {fit_percent:?}    # of the motion half a second ahead\n",
+        hardware.text,
+        dead_band.extend,
+        dead_band.retract,
+        load(model)
+    )
+}
+
+/// What is known of the load of an axis, as lines of its table.
+fn load(model: &Commissioned) -> String {
+    let Commissioned { overrun, mass, .. } = *model;
+    let numbers = [("overrun_extend", overrun.extend), ("overrun_retract", overrun.retract), ("mass", mass)];
+    let known = numbers.into_iter().filter(|(_, value)| value.is_finite());
+    known.map(|(key, value)| format!("{key} = {value:?}\n")).collect()
 }
 
 /// A model file that will be written. It is checked before the experiment begins.

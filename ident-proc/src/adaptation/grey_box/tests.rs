@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::sample::SlidingBuffer;
-use pipeline::machine::{DeadBand, GREY_BOX_MEMORY};
+use pipeline::machine::{DeadBand, GREY_BOX_MEMORY, Overrun};
 
 const PERIOD: f64 = 0.01;
 
@@ -18,6 +18,8 @@ fn commissioned() -> Commissioned {
         openings: vec![0.05, 0.175, 0.5],
         speeds_extend: vec![0.02, 0.12, 0.4],
         speeds_retract: vec![0.03, 0.14, 0.5],
+        overrun: Overrun::NONE,
+        mass: f64::INFINITY,
         fit_percent: 99.0,
     }
 }

@@ -118,11 +118,7 @@ impl Commissioned {
             speeds_extend,
             speeds_retract,
             overrun: Overrun::read(&mut section),
-            mass: section
-                .key("mass", "Mean mass that moved with the axis, of the mechanism")
-                .rule("none")
-                .optional_number(0.0..=1e9, "kg")
-                .unwrap_or(f64::INFINITY),
+            mass: read_mass(&mut section),
             fit_percent: section
                 .key("fit_percent", "Part of the motion half a second ahead that the model explains; 100 is all of it")
                 .number(-1e9..=100.0, ""),
@@ -252,6 +248,11 @@ impl Commissioned {
             0.0
         }
     }
+}
+
+fn read_mass(section: &mut Section) -> f64 {
+    let key = section.key("mass", "Mean mass that moved with the axis, by the mechanism").rule("none");
+    key.optional_number(0.0..=1e9, "kg").unwrap_or(f64::INFINITY)
 }
 
 /// The speeds of one direction, which must rise and be as many as the openings.

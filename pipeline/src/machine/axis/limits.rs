@@ -208,7 +208,7 @@ const JERK_RULE: &str = "10 1/s2 times max_speed; with a commissioned model at m
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::DeadBand;
+    use crate::machine::{DeadBand, Overrun};
 
     fn model(dead_time: f64, time_constant: f64, speed: f64) -> Commissioned {
         Commissioned {

@@ -4,10 +4,11 @@
 //! v = g c(x)          g = max(1, sqrt(P / P_0))
 //! ```
 //!
-//! c speed of the commissioned curve at the spool position x, m/s, v that of the axis; P force with which the load pulls
-//! in the direction of the motion, N; P_0 the one from which on the outlet passes more than the inlet, N. Behind a
-//! pressure compensator the flow through the inlet does not depend on the load. That through the outlet rises with the
-//! root of the pressure that the load makes there. Source: orifice equation, Merritt, Hydraulic Control Systems (1967).
+//! c speed of the commissioned curve at the spool position x, m/s, v that of the axis; P force with which the load
+//! pulls in the direction of the motion, N; P_0 the one from which on the outlet passes more than the inlet, N. Behind
+//! a pressure compensator the flow through the inlet does not depend on the load. That through the outlet rises with
+//! the root of the pressure that the load makes there. Source: orifice equation, Merritt, Hydraulic Control Systems
+//! (1967).
 //!
 //! Trap: without compensators a load that pushes makes an axis slower as well. That is not in g.
 

@@ -185,7 +185,7 @@ const RESPONSE_RULE: &str = "1.2 times commissioned.dead_time + time_constant + 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::DeadBand;
+    use crate::machine::{DeadBand, Overrun};
 
     fn model(dead_time: f64, time_constant: f64) -> Commissioned {
         Commissioned {

@@ -13,7 +13,7 @@
 //! | [`smith`] | Smith predictor on the commissioned model, with the adapted curve |
 //! | [`fallback`] | PI controller with dead-band compensation and feed-forward |
 //! | [`standstill`] | rest at the set point, and the last millimetres to it |
-//! | `load` | what the loads of a mechanism do to speeds and gains |
+//! | [`load`] | what the loads of a mechanism do to speeds and gains |
 //! | [`protection`] | limits of the command, soft end stops, following error, motion |
 //!
 //! The other modules never run in the control loop:
@@ -35,7 +35,7 @@ pub mod axis;
 pub mod commission;
 pub mod controller;
 pub mod fallback;
-mod load;
+pub mod load;
 pub mod model;
 mod operators;
 pub mod predictive;

@@ -58,10 +58,10 @@ fn every_measure_that_is_switched_off_changes_what_it_says() {
     assert!(by_fallback("without-feedforward", "rms") > 2.0, "{rows:?}");
     assert!(by_fallback("without-learning", "rms") > 1.05 && by_fallback("without-hysteresis", "rms") > 1.05);
     // At 0.5 m/s axes and pump are what slows the plan.
-    for name in ["without-scaling", "joint"] {
-        assert!(by_fallback(name, "duration") < 0.9 && by_fallback(name, "rms") > 1.5, "{name}: {rows:?}");
+    for (name, worse) in [("without-scaling", 1.1), ("joint", 1.5)] {
+        assert!(by_fallback(name, "duration") < 0.9 && by_fallback(name, "rms") > worse, "{name}: {rows:?}");
     }
-    for name in ["without-feedforward", "without-learning", "without-hysteresis", "without-waiting"] {
+    for name in ["without-feedforward", "without-learning", "without-hysteresis", "without-load", "without-waiting"] {
         assert_eq!(by_fallback(name, "duration"), 1.0, "{name}");
     }
     // What nothing slows takes the planned time, to a period; the lag of the teeth makes it longer.
@@ -99,7 +99,7 @@ fn seeds_are_summed_up_and_a_picture_shows_up_to_four_controllers() {
         assert_eq!(svg.matches(name).count(), 1, "{name}");
     }
     let many = [&ONE[..], &["--without", "all", "--picture", "cut.svg"]].concat();
-    expect_refusal(folder.path(), &many, &["--picture: found 9 runs", "at most 4 controllers"]);
+    expect_refusal(folder.path(), &many, &["--picture: found 10 runs", "at most 4 controllers"]);
 }
 
 #[test]

@@ -1,14 +1,14 @@
 //! What the loads of the axes do to their speeds and swings, by the mechanism and the payload of the machine file.
 //!
 //! ```text
-//! g_i = max(1, sqrt(P_i / P_0i))          r_i = min(1, sqrt(m_i / M_ii))          a_i = min(1, G_i(r_i) / G_i(1))
+//! g_i = max(1, sqrt(P_i / P_0i))          r_i = min(1, sqrt(m_i / M_ii))          p_i = min(1, G_i(r_i) / G_i(1))
 //! ```
 //!
 //! P_i force with which the load pulls in the direction of the motion, N, at rest and with the payload of the machine
 //! file; P_0i the one from which on it overruns the axis ([`pipeline::machine::Overrun`]); M mass matrix of the
 //! cylinders and m_i M_ii at the commissioning of the axis, kg; G(r) gain margin of the fallback whose load swings at r
 //! times the frequency of the commissioning. The same command moves the axis g times as fast. A greater mass swings
-//! slower on its spring of oil, and the gains are a times as large as those of the machine file, so that the margin
+//! slower on its spring of oil, and the gains are p times as large as those of the machine file, so that the margin
 //! stays. An axis of which no swing was found keeps its gains.
 //!
 //! Runs in the loop: nothing here allocates after construction.
@@ -18,7 +18,7 @@ use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Overrun};
 
 use crate::margins::{Loop, mean_slope};
 
-/// Step of r at which a is known, and number of these steps: down to a sixteenth of the frequency's square.
+/// Step of r at which p is known, and number of these steps: up to 16 times the mass of the commissioning.
 const STEP: f64 = 0.05;
 const STEPS: usize = 15;
 
@@ -27,7 +27,7 @@ const STEPS: usize = 15;
 pub struct Load {
     /// g of extending and of retracting.
     pub faster: [f64; 2],
-    /// a.
+    /// p.
     pub gain: f64,
 }
 
@@ -55,7 +55,7 @@ struct Commissioning {
     overrun: Overrun,
     /// m, kg.
     mass: f64,
-    /// a at r = 1, 1 - STEP, ..
+    /// p at r = 1, 1 - STEP, ..
     parts: [f64; STEPS + 1],
 }
 
@@ -68,7 +68,7 @@ impl Commissioning {
         Self { overrun: model.overrun, mass: model.mass, parts: parts(&axis.control, model, period) }
     }
 
-    /// a.
+    /// p.
     fn part(&self, mass: f64) -> f64 {
         let steps = (1.0 - (self.mass / mass).sqrt().min(1.0)) / STEP;
         let (whole, rest) = ((steps as usize).min(STEPS), steps.fract());
@@ -77,7 +77,7 @@ impl Commissioning {
     }
 }
 
-/// a of the fallback of `control` around `model` at every step of r.
+/// p of the fallback of `control` around `model` at every step of r.
 fn parts(control: &Control, model: &Commissioned, period: f64) -> [f64; STEPS + 1] {
     let fallback = Control { law: Law::Predictive, ..*control };
     let gain_margin = |step: usize| {

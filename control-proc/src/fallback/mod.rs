@@ -9,7 +9,7 @@
 //! e(k) = y_r(k) - y(k)          v(k) = kp e(k)/q + I(k) + v_r(k) + a L(k)        I(k+1) = I(k) + ki T e(k)/q
 //! u(k) = H(C(v))       C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
 //! v_r  = C^-1(u_r)                          0 without feed-forward
-//! q    = max(1, c'(u_r)/(r c'_m))           1 at rest and without feed-forward
+//! q    = max(1, g c'(u_r)/(r c'_m)) / p      1 / p at rest and without feed-forward
 //! L(k+1) = L(k) + a kp e(k) T/(q T_l)  |L| <= L_max      a = min(|v_r| / w, 1)      T_l = 24 (t_d + tau + T)
 //! ```
 //!
@@ -26,7 +26,8 @@
 //!
 //! q keeps the margins of the loop while the axis moves: they hold for the mean slope c'_m of the static curve c, and
 //! the curve of a pilot-operated valve is an S, in its middle much steeper. r is [`SPARED`]: of a straight curve with
-//! two speeds the faster direction keeps its gains.
+//! two speeds the faster direction keeps its gains. g is by how much the load
+//! makes the axis faster, and p the part of the gains that it leaves ([`Load`]).
 //!
 //! Feedback and feed-forward are added as openings, so the dead band is jumped once, by their sum. Without an error the
 //! command is exactly u_r. But for q the gains have the same meaning with and without feed-forward.

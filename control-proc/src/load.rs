@@ -41,12 +41,9 @@ impl Load {
     }
 }
 
-/// Force with which the cylinders hold the machine at rest, N, and mass that moves with each of them, kg, with the
-/// cylinders at `positions` m.
-pub fn at_rest(mechanism: &PreparedMechanism, positions: &[f64; AXES]) -> ([f64; AXES], [f64; AXES]) {
-    let pose = mechanism.pose(positions);
-    let CylinderDynamics { mass, load } = mechanism.dynamics(&pose, &[0.0; AXES], Vector::default());
-    (load, std::array::from_fn(|i| mass[i][i]))
+/// Forces of the cylinders that hold the machine at rest, and its mass matrix, with the cylinders at `positions` m.
+pub fn dynamics_at_rest(mechanism: &PreparedMechanism, positions: &[f64; AXES]) -> CylinderDynamics {
+    mechanism.dynamics(&mechanism.pose(positions), &[0.0; AXES], Vector::default())
 }
 
 /// How the load of one axis changes what was commissioned.
@@ -81,9 +78,7 @@ impl Commissioning {
 fn parts(control: &Control, model: &Commissioned, period: f64) -> [f64; STEPS + 1] {
     let fallback = Control { law: Law::Predictive, ..*control };
     let gain_margin = |step: usize| {
-        let r = 1.0 - STEP * step as f64;
-        let mut slower = Commissioned { natural_frequency: r * model.natural_frequency, ..model.clone() };
-        slower.time_constant += slower.swing_delay() - model.swing_delay();
+        let slower = slower(model, 1.0 - STEP * step as f64);
         Loop::new(&fallback, &slower, mean_slope(model), period).margins().gain
     };
     let (usual, mut least) = (gain_margin(0), 1.0f64);
@@ -93,6 +88,13 @@ fn parts(control: &Control, model: &Commissioned, period: f64) -> [f64; STEPS + 
         }
         least
     })
+}
+
+/// `model` with a load that swings at r times its frequency.
+fn slower(model: &Commissioned, r: f64) -> Commissioned {
+    let mut slower = Commissioned { natural_frequency: r * model.natural_frequency, ..model.clone() };
+    slower.time_constant += slower.swing_delay() - model.swing_delay();
+    slower
 }
 
 /// The loads of the axes of a mechanism.
@@ -115,10 +117,10 @@ impl Loads {
 
     /// What the loads do with the cylinders at `positions` m.
     pub fn at(&self, positions: &[f64; AXES]) -> [Load; AXES] {
-        let (forces, masses) = at_rest(&self.mechanism, positions);
+        let CylinderDynamics { mass, load } = dynamics_at_rest(&self.mechanism, positions);
         std::array::from_fn(|i| Load {
-            faster: self.axes[i].overrun.factors(forces[i]),
-            gain: self.axes[i].part(masses[i]),
+            faster: self.axes[i].overrun.factors(load[i]),
+            gain: self.axes[i].part(mass[i][i]),
         })
     }
 }
@@ -172,10 +174,8 @@ mod tests {
         assert_eq!(parts[0], 1.0);
         assert!(parts.is_sorted_by(|a, b| a >= b) && parts[STEPS] < 0.5, "{parts:?}");
         let margin = |r: f64, gain: f64| {
-            let mut slower = Commissioned { natural_frequency: r * 3.0, ..model.clone() };
-            slower.time_constant += slower.swing_delay() - model.swing_delay();
             let control = Control { kp: gain * control.kp, ki: gain * control.ki, law: Law::Predictive, ..*control };
-            Loop::new(&control, &slower, mean_slope(model), 0.01).margins().gain
+            Loop::new(&control, &slower(model, r), mean_slope(model), 0.01).margins().gain
         };
         let (usual, slow) = (margin(1.0, 1.0), margin(0.5, parts[10]));
         assert!((slow / usual - 1.0).abs() < 1e-6, "{usual} {slow}");

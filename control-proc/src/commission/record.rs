@@ -3,7 +3,7 @@
 use mechanism::AXES;
 use pipeline::machine::Machine;
 
-use crate::load::at_rest;
+use crate::load::dynamics_at_rest;
 
 /// The record of one axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,9 +55,9 @@ impl ExperimentRecord {
         let mut masses = 0.0;
         let at = |position: &f64| {
             places[axis] = if position.is_finite() { *position } else { places[axis] };
-            let (forces, mass) = at_rest(&prepared, &places);
-            masses += mass[axis];
-            forces[axis]
+            let dynamics = dynamics_at_rest(&prepared, &places);
+            masses += dynamics.mass[axis][axis];
+            dynamics.load[axis]
         };
         let loads: Vec<f64> = self.positions.iter().map(at).collect();
         self.mass = masses / loads.len() as f64;

@@ -30,10 +30,10 @@
 //!
 //! Trap: an axis whose position is not known may be anywhere. Then all four are neutral.
 
-use mechanism::{AXES, FourBar, Joint, Mechanism, Pose, PreparedMechanism, Rotation, Vector};
+use mechanism::{AXES, CylinderDynamics, FourBar, Joint, Mechanism, Pose, PreparedMechanism, Rotation, Vector};
 use pipeline::machine::{Axis, Commissioned, Machine, Overrun, Walls as WallSettings};
 
-use crate::load::at_rest;
+use crate::load::dynamics_at_rest;
 
 /// t of an axis that is not commissioned, s.
 const UNKNOWN_TIME: f64 = 1.0;
@@ -274,7 +274,7 @@ impl Walls {
     /// `margin` m before all walls by the hard rule.
     pub fn factor(&self, positions: &[f64; AXES], speeds: &[f64; AXES], margin: f64) -> f64 {
         let mut least = 1.0_f64;
-        let swings = self.swings(positions, speeds);
+        let swings = self.swings(&dynamics_at_rest(&self.mechanism, positions), speeds);
         self.each(positions, |_, distance, rates| {
             let mut headway = Headway::default();
             for (i, stop) in self.stops.iter().enumerate() {
@@ -287,9 +287,7 @@ impl Walls {
     }
 
     /// x, m: how far each axis swings when the others stop, which have these speeds, m/s.
-    fn swings(&self, positions: &[f64; AXES], speeds: &[f64; AXES]) -> [f64; AXES] {
-        let pose = self.mechanism.pose(positions);
-        let mass = self.mechanism.dynamics(&pose, &[0.0; AXES], Vector::default()).mass;
+    fn swings(&self, CylinderDynamics { mass, .. }: &CylinderDynamics, speeds: &[f64; AXES]) -> [f64; AXES] {
         std::array::from_fn(|i| {
             let others = (0..AXES).filter(|j| *j != i).map(|j| (mass[i][j] * speeds[j]).abs());
             RECOIL * others.sum::<f64>() / (mass[i][i] * self.stops[i].swing)
@@ -303,10 +301,11 @@ impl Walls {
         let mut faster = [1.0; AXES];
         if let [Some(boom), Some(arm), Some(telescope), Some(bucket)] = known {
             let motion = [boom, arm, telescope, bucket];
-            let forces = at_rest(&self.mechanism, &motion.map(|(position, _)| position)).0;
-            faster =
-                std::array::from_fn(|i| self.stops[i].overrun.factors(forces[i])[usize::from(wanted[i].command < 0.0)]);
-            self.restrict(wanted, &motion, &faster, &mut allowed);
+            let dynamics = dynamics_at_rest(&self.mechanism, &motion.map(|(position, _)| position));
+            faster = std::array::from_fn(|i| {
+                self.stops[i].overrun.factors(dynamics.load[i])[usize::from(wanted[i].command < 0.0)]
+            });
+            self.restrict(wanted, &motion, &dynamics, &faster, &mut allowed);
         } else {
             allowed = Allowed { commands: [0.0; AXES], stopped: wanted.map(|axis| axis.command != 0.0) };
         }
@@ -320,6 +319,7 @@ impl Walls {
         &self,
         wanted: &[Wanted; AXES],
         motion: &[(f64, f64); AXES],
+        dynamics: &CylinderDynamics,
         faster: &[f64; AXES],
         allowed: &mut Allowed,
     ) {
@@ -329,7 +329,7 @@ impl Walls {
             asked[i] = faster[i] * self.stops[i].curve.speed(wanted[i].command);
         }
         let fastest = std::array::from_fn(|i| f64::max(motion[i].1.abs(), self.stops[i].coming.abs()));
-        let swings = self.swings(&positions, &fastest);
+        let swings = self.swings(dynamics, &fastest);
         let mut gentle: f64 = 1.0;
         self.each(&positions, |_, distance, rates| {
             let (mut by_hand, mut hard) = (Headway::default(), Headway::default());

@@ -114,7 +114,7 @@ fn the_factor_is_the_largest_that_stops_before_the_wall() {
     assert_eq!(Headway { linear: 0.3, square: 0.2 }.factor(f64::NAN), 0.0);
 }
 
-/// The same command by hand reaches a wall sooner where the load pulls the arm faster than its curve says.
+/// Less of a command by hand is left before a wall where the load pulls the arm faster than its curve says.
 #[test]
 fn a_load_that_overruns_an_axis_counts_in_its_way_to_a_wall() {
     let allowed = |extend: f64| {

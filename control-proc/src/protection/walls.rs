@@ -3,8 +3,9 @@
 //! ```text
 //! d   = limit - n . P - r                           distance of a part from a wall
 //! w_i = n . dP/dy_i v_i                             what axis i adds to the speed towards it
-//! H(s) = sum_{w_i > 0} (s w_i t_i + s^2 w_i |v_i| / (2 a_i)) - sum_{w_i < 0} s |w_i| c_i + s sum_i |n . dP/dy_i| x_i
-//! x_i = 2 sum_{j /= i} |M_ij v_j| / (M_ii w0_i)    how far axis i swings when the others stop and swing back
+//! H(s) = sum_{w_i > 0} (s w_i t_i + s^2 w_i |v_i| / (2 a_i)) - sum_{w_i < 0} s |w_i| c_i + s sum_j X_j
+//! X_j = sum_{i /= j} |n . dP/dy_i| x_ij             how far a part swings when axis j stops and swings back
+//! x_ij = 2 |M_ij v_j| / (M_ii w0_i)                 how far axis i swings then
 //! s   = the largest s <= 1 with H(s) <= max(d, 0), over all walls and parts
 //! ```
 //!
@@ -22,9 +23,10 @@
 //! | gentle | of a person's commands, by curve and load | `stop_reaction` | these speeds become s times as fast |
 //! | hard | the greater of measured and commanded | 1.5 (t_d + tau) + T + 20 ms + 1/w0 | s < 1: neutral |
 //!
-//! The hard rule spares axes that lead away. t_d is the dead time and tau the lag of the commissioned model; 1/w0
-//! counts only where a swing was found; a_i is `stop_deceleration`. An axis without a commissioned model has t_i = 1 s
-//! and c_i = 0, others have c_i = (t_d + tau)/2.
+//! The hard rule spares an axis that leads away, X_j <= |w_j| t_j + 3 mm: not one that shakes the others more than
+//! that. t_d is the dead time and tau the lag of the commissioned model; 1/w0 counts only where a swing was found; a_i
+//! is `stop_deceleration`. An axis without a commissioned model has t_i = 1 s and c_i = 0, others have c_i =
+//! (t_d + tau)/2.
 //!
 //! Speeds of commands are g times those of the static curve where a load may overrun the axis ([`Overrun`]).
 //!
@@ -220,6 +222,11 @@ impl Headway {
     }
 }
 
+/// How far a part comes towards a wall, m, by swings `swings` of all axes, m.
+fn shake(rates: &[f64; AXES], swings: &[f64; AXES]) -> f64 {
+    rates.iter().zip(swings).map(|(rate, swing)| rate.abs() * swing).sum()
+}
+
 /// The walls of a machine.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Walls {
@@ -279,18 +286,20 @@ impl Walls {
             let mut headway = Headway::default();
             for (i, stop) in self.stops.iter().enumerate() {
                 headway.add(rates[i] * speeds[i], speeds[i], stop.hard, stop);
-                headway.linear += rates[i].abs() * swings[i];
+                headway.linear += shake(rates, &swings[i]);
             }
             least = least.min(headway.factor(distance - margin));
         });
         least
     }
 
-    /// x, m: how far each axis swings when the others stop, which have these speeds, m/s.
-    fn swings(&self, CylinderDynamics { mass, .. }: &CylinderDynamics, speeds: &[f64; AXES]) -> [f64; AXES] {
-        std::array::from_fn(|i| {
-            let others = (0..AXES).filter(|j| *j != i).map(|j| (mass[i][j] * speeds[j]).abs());
-            RECOIL * others.sum::<f64>() / (mass[i][i] * self.stops[i].swing)
+    /// x_ij, m: how far axes i swing when axis j stops, which has these speeds, m/s; by j and i.
+    fn swings(&self, CylinderDynamics { mass, .. }: &CylinderDynamics, speeds: &[f64; AXES]) -> [[f64; AXES]; AXES] {
+        std::array::from_fn(|j| {
+            std::array::from_fn(|i| match i == j {
+                true => 0.0,
+                false => RECOIL * (mass[i][j] * speeds[j]).abs() / (mass[i][i] * self.stops[i].swing),
+            })
         })
     }
 
@@ -328,7 +337,7 @@ impl Walls {
         for i in 0..AXES {
             asked[i] = faster[i] * self.stops[i].curve.speed(wanted[i].command);
         }
-        let fastest = std::array::from_fn(|i| f64::max(motion[i].1.abs(), self.stops[i].coming.abs()));
+        let fastest: [f64; AXES] = std::array::from_fn(|i| f64::max(motion[i].1.abs(), self.stops[i].coming.abs()));
         let swings = self.swings(dynamics, &fastest);
         let mut gentle: f64 = 1.0;
         self.each(&positions, |_, distance, rates| {
@@ -340,7 +349,7 @@ impl Walls {
                 let (v, rate) = (motion[i].1, rates[i]);
                 let worst = if rate * v > rate * stop.coming { v } else { stop.coming };
                 hard.add(rate * worst, worst, stop.hard, stop);
-                swing += rate.abs() * swings[i];
+                swing += shake(rates, &swings[i]);
                 if wanted[i].is_manual {
                     by_hand.add(rate * asked[i], asked[i], stop.gentle, stop);
                 } else {
@@ -356,7 +365,9 @@ impl Walls {
             for i in 0..AXES {
                 // Within the dead band as well: a command that may only rise step by step has to cross it.
                 let leads_away = rates[i] * wanted[i].command < 0.0;
-                allowed.stopped[i] |= !is_safe && !leads_away;
+                let way = rates[i].abs() * fastest[i] * self.stops[i].hard;
+                let shakes = shake(rates, &swings[i]) > way + SLACK;
+                allowed.stopped[i] |= !is_safe && (shakes || !leads_away);
             }
         });
         for i in 0..AXES {

@@ -133,3 +133,28 @@ fn a_load_that_overruns_an_axis_counts_in_its_way_to_a_wall() {
     let (usual, overrun) = (allowed(f64::INFINITY), allowed(5e3));
     assert!(overrun < usual - 0.02 && overrun > 0.0, "{usual} {overrun}");
 }
+
+/// Regression: the boom was close below the height, the arm drew it away by a hair at full speed and was spared.
+#[test]
+fn an_axis_that_shakes_the_others_more_than_it_leads_away_is_stopped() {
+    let mut walls = Walls::of(&excavator()).unwrap();
+    let positions = [0.9745, 1.0871, 1.1492, 0.3776];
+    let (mut nearest, mut rates) = (f64::INFINITY, [0.0; AXES]);
+    walls.limits = [f64::INFINITY, 6.0, f64::INFINITY];
+    walls.each(&positions, |_, distance, rate| {
+        if distance < nearest {
+            (nearest, rates) = (distance, *rate);
+        }
+    });
+    assert!(rates[0] > 5.0 && rates[1] < 0.0 && rates[1] > -0.2, "{rates:?}");
+    walls.limits[1] -= nearest - 0.02;
+    for (arm, boom, passes) in [(0.02, 0.0, true), (0.3, 0.0, false), (0.3, -0.1, false)] {
+        let mut wanted = still(positions, 0.0);
+        (wanted[0].command, wanted[0].motion) = (-0.5, Some((positions[0], boom)));
+        (wanted[1].command, wanted[1].motion) = (0.6, Some((positions[1], arm)));
+        wanted.iter_mut().for_each(|axis| axis.is_manual = false);
+        let Allowed { commands, stopped } = walls.update(&wanted);
+        assert_eq!((commands[1] != 0.0, stopped[1]), (passes, !passes), "{arm} {boom}");
+        assert_eq!(commands[0], -0.5, "the boom leads away");
+    }
+}

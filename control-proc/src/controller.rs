@@ -20,7 +20,8 @@ use pipeline::{
     channel::Stop,
     machine::{Machine, samples_of},
     message::{
-        AxisCommand, CoefficientSnapshot, EncoderSample, Header, Reference, Request, ValveCommand, control_flag,
+        AxisCommand, CoefficientSnapshot, EncoderSample, Header, Reference, Request, TipState, ValveCommand,
+        control_flag,
     },
 };
 
@@ -28,6 +29,7 @@ use crate::{
     axis::{AxisController, AxisInput, UNUSABLE_LIMIT, patience, requests::STREAM_TIMEOUT},
     load::Loads,
     operators::Operators,
+    payload::Payload,
     protection::walls::{Walls, Wanted},
     reference::{generator::ReferenceGenerator, path::Path},
     tip::watch::TipWatch,
@@ -42,6 +44,7 @@ const PATIENCE_AT_BEGIN: f64 = 5.0;
 struct Linkage {
     walls: Option<Walls>,
     loads: Option<Loads>,
+    payload: Option<Payload>,
     teeth: Option<TipWatch>,
 }
 
@@ -79,7 +82,12 @@ impl Controller {
             period,
             path: Path::new(axes.iter().map(AxisController::ahead).max().unwrap_or_default(), period, patience(period)),
             axes,
-            linkage: Linkage { walls: Walls::of(machine), loads: Loads::of(machine), teeth: TipWatch::of(machine) },
+            linkage: Linkage {
+                walls: Walls::of(machine),
+                loads: Loads::of(machine),
+                payload: Payload::of(machine),
+                teeth: TipWatch::of(machine),
+            },
             request: None,
             operators: Operators::new(samples_of(STREAM_TIMEOUT, machine.timing.period).max(1) as u64),
             last_sequence: None,
@@ -198,7 +206,7 @@ impl Controller {
         };
         (self.last_sequence, self.repeated) = (Some(sequence), 0);
 
-        self.bear_loads();
+        self.bear_loads(sample);
         self.advance_path(sequence);
         self.lead_teeth();
 
@@ -236,32 +244,42 @@ impl Controller {
         });
     }
 
-    /// Positions of the axes of a mechanism, m; none while one of them is not known.
-    fn positions(&self) -> Option<[f64; AXES]> {
-        let mut positions = [0.0; AXES];
-        for (place, axis) in positions.iter_mut().zip(&self.axes) {
-            *place = axis.position()?;
+    /// Positions, m, and speeds, m/s, of the axes of a mechanism; none while one of them is not known.
+    fn motion(&self) -> Option<([f64; AXES], [f64; AXES])> {
+        let (mut positions, mut speeds) = ([0.0; AXES], [0.0; AXES]);
+        for (i, axis) in self.axes.iter().enumerate().take(AXES) {
+            (positions[i], speeds[i]) = axis.wanted().motion?;
         }
-        Some(positions)
+        Some((positions, speeds))
     }
 
-    /// Works out what the axes bear where they were last. While a position is not known, that stays as it was.
-    fn bear_loads(&mut self) {
-        let Some((loads, positions)) = self.linkage.loads.as_ref().zip(self.positions()) else { return };
-        for (axis, load) in self.axes.iter_mut().zip(loads.at(&positions)) {
+    /// Works out what the axes bear where they were last, with the payload by the pressures of `sample`. While a
+    /// position is not known, that stays as it was.
+    fn bear_loads(&mut self, sample: &EncoderSample) {
+        let motion = self.motion();
+        let Some((loads, (positions, speeds))) = self.linkage.loads.as_ref().zip(motion) else { return };
+        let payload = self.linkage.payload.as_mut().map(|payload| {
+            payload.update(sample, &positions, &speeds);
+            payload.mass()
+        });
+        for (axis, load) in self.axes.iter_mut().zip(loads.at(&positions, payload)) {
             axis.bear(load);
         }
     }
 
-    /// Works out where the teeth are.
+    /// Works out where the teeth are, and what is in the bucket.
     fn watch_teeth(&mut self, command: &mut ValveCommand) {
-        let positions = self.positions();
+        let positions = self.motion().map(|(positions, _)| positions);
         let Some(teeth) = &mut self.linkage.teeth else { return };
         let references = std::array::from_fn(|i| command.axes[i].reference);
         let now = self.path.ticks()[0];
         let since = self.generator.tip_start().map(|start| self.period * (now - start)).filter(|t| *t >= 0.0);
         let plan = self.generator.plan().zip(since).filter(|(plan, t)| *t <= plan.duration());
         command.teeth = teeth.update(positions, &references, plan);
+        if let Some(payload) = self.linkage.payload.as_ref().filter(|_| command.teeth.state != TipState::Unknown as u32)
+        {
+            command.teeth.payload = payload.mass();
+        }
     }
 
     /// Leaves of the commands what keeps boom, arm and bucket within the virtual walls.

@@ -13,6 +13,7 @@
 //! | [`smith`] | Smith predictor on the commissioned model, with the adapted curve |
 //! | [`fallback`] | PI controller with dead-band compensation and feed-forward |
 //! | [`standstill`] | rest at the set point, and the last millimetres to it |
+//! | [`payload`] | what the bucket carries, by the chamber pressures |
 //! | [`load`] | what the loads of a mechanism do to speeds and gains |
 //! | [`protection`] | limits of the command, soft end stops, following error, motion |
 //!
@@ -38,6 +39,7 @@ pub mod fallback;
 pub mod load;
 pub mod model;
 mod operators;
+pub mod payload;
 pub mod predictive;
 pub mod process;
 pub mod protection;

@@ -16,7 +16,10 @@
 use mechanism::{AXES, CylinderDynamics, PreparedMechanism, Vector};
 use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Overrun};
 
-use crate::margins::{Loop, mean_slope};
+use crate::{
+    margins::{Loop, mean_slope},
+    payload::carrying,
+};
 
 /// Step of r at which p is known, and number of these steps: up to 16 times the mass of the commissioning.
 const STEP: f64 = 0.05;
@@ -102,26 +105,50 @@ fn slower(model: &Commissioned, r: f64) -> Commissioned {
 pub struct Loads {
     mechanism: PreparedMechanism,
     axes: [Commissioning; AXES],
+    /// With an empty bucket and with the heaviest payload, where the payload is estimated.
+    payloads: Option<[PreparedMechanism; 2]>,
+    /// kg.
+    heaviest: f64,
 }
 
 impl Loads {
     /// Of a machine with `[mechanism]` and its four axes; none for another one.
     pub fn of(machine: &Machine) -> Option<Self> {
         let axes: &[Axis; AXES] = machine.axes.first_chunk()?;
-        let period = machine.timing.period.as_secs_f64();
+        let (period, mechanism) = (machine.timing.period.as_secs_f64(), machine.mechanism?);
+        let heaviest = machine.heaviest_payload;
         Some(Self {
-            mechanism: machine.mechanism?.prepared(),
+            mechanism: mechanism.prepared(),
+            payloads: heaviest.map(|heaviest| [0.0, heaviest].map(|mass| carrying(mechanism, mass))),
+            heaviest: heaviest.unwrap_or(f64::INFINITY),
             axes: axes.each_ref().map(|axis| Commissioning::of(axis, period)),
         })
     }
 
-    /// What the loads do with the cylinders at `positions` m.
-    pub fn at(&self, positions: &[f64; AXES]) -> [Load; AXES] {
-        let CylinderDynamics { mass, load } = dynamics_at_rest(&self.mechanism, positions);
+    /// What the loads do with the cylinders at `positions` m and `payload` kg in the bucket; without that, as much as
+    /// the machine file says.
+    pub fn at(&self, positions: &[f64; AXES], payload: Option<f64>) -> [Load; AXES] {
+        let CylinderDynamics { mass, load } = self.dynamics(positions, payload);
         std::array::from_fn(|i| Load {
             faster: self.axes[i].overrun.factors(load[i]),
             gain: self.axes[i].part(mass[i][i]),
         })
+    }
+
+    /// Both force and mass are linear in the payload.
+    fn dynamics(&self, positions: &[f64; AXES], payload: Option<f64>) -> CylinderDynamics {
+        let Some((payload, [empty, full])) = payload.zip(self.payloads.as_ref()) else {
+            return dynamics_at_rest(&self.mechanism, positions);
+        };
+        let (mut now, full) = (dynamics_at_rest(empty, positions), dynamics_at_rest(full, positions));
+        let part = payload / self.heaviest;
+        for i in 0..AXES {
+            now.load[i] += part * (full.load[i] - now.load[i]);
+            for j in 0..AXES {
+                now.mass[i][j] += part * (full.mass[i][j] - now.mass[i][j]);
+            }
+        }
+        now
     }
 }
 
@@ -155,7 +182,7 @@ mod tests {
                 (model.overrun.extend, model.mass, model.natural_frequency) = (1e4, 2e4, frequency);
                 (model.dead_time, model.time_constant, model.damping) = (0.0, 0.1, 0.1);
             });
-            Loads::of(&machine).unwrap().at(&OUT)[1]
+            Loads::of(&machine).unwrap().at(&OUT, None)[1]
         };
         let (empty, loaded) = (at(0.0, 4.0), at(1500.0, 4.0));
         assert!(empty.faster[0] > 1.2 && loaded.faster[0] > 1.4 * empty.faster[0], "{empty:?} {loaded:?}");
@@ -182,16 +209,32 @@ mod tests {
     }
 
     #[test]
+    fn an_estimated_payload_counts_as_one_of_the_machine_file() {
+        let settings = [("mechanism.payload.heaviest", "3000"), ("axis.boom.pressure.resolution", "1e3")]
+            .map(|(k, v)| (k.into(), v.into()));
+        let (estimating, mut told) = (Machine::load(None, &settings).unwrap(), Machine::load(None, &[]).unwrap());
+        for mass in [0.0, 400.0, 1500.0, 3000.0] {
+            told.mechanism.as_mut().unwrap().masses.payload.mass = mass;
+            let estimated = Loads::of(&estimating).unwrap().dynamics(&OUT, Some(mass));
+            let expected = Loads::of(&told).unwrap().dynamics(&OUT, None);
+            for i in 0..AXES {
+                assert!((estimated.load[i] / expected.load[i] - 1.0).abs() < 1e-9, "{i} {mass}");
+                assert!((estimated.mass[i][i] / expected.mass[i][i] - 1.0).abs() < 1e-9, "{i} {mass}");
+            }
+        }
+    }
+
+    #[test]
     fn without_a_mechanism_a_model_or_this_measure_nothing_changes() {
         assert_eq!(Loads::of(&Machine::four_axes(&[]).unwrap()), None);
         let mut machine = excavator(1500.0);
         let usual = [Load::USUAL; AXES];
-        assert_eq!(Loads::of(&machine).unwrap().at(&OUT), usual, "nothing was found");
+        assert_eq!(Loads::of(&machine).unwrap().at(&OUT, None), usual, "nothing was found");
         arm(&mut machine, |model| model.overrun.extend = 1e4);
-        assert_ne!(Loads::of(&machine).unwrap().at(&OUT), usual);
+        assert_ne!(Loads::of(&machine).unwrap().at(&OUT, None), usual);
         machine.axes[1].control.without.load = true;
-        assert_eq!(Loads::of(&machine).unwrap().at(&OUT), usual);
+        assert_eq!(Loads::of(&machine).unwrap().at(&OUT, None), usual);
         machine.axes.iter_mut().for_each(|axis| (axis.commissioned, axis.control.without.load) = (None, false));
-        assert_eq!(Loads::of(&machine).unwrap().at(&OUT), usual);
+        assert_eq!(Loads::of(&machine).unwrap().at(&OUT, None), usual);
     }
 }

@@ -39,13 +39,15 @@ pub struct Collected {
     pub now_ns: u64,
 }
 
-/// Where the bucket's teeth are; m and degrees.
+/// Where the bucket's teeth are, and what the bucket carries; m, degrees and kg.
 #[derive(Debug, Serialize)]
 pub struct TeethNow {
     /// `[x, z]`, m.
     at: [f64; 2],
     /// Pitch of the bucket, degrees.
     pitch: f64,
+    /// What the controller counts on in the bucket, kg.
+    payload: f64,
     /// Distance from the way, m, and error of the pitch, degrees; none while the teeth follow no way.
     error: Option<f64>,
     pitch_error: Option<f64>,
@@ -57,6 +59,7 @@ impl TeethNow {
         (teeth.state != TipState::Unknown as u32).then(|| Self {
             at: [teeth.x, teeth.z],
             pitch: teeth.pitch.to_degrees(),
+            payload: teeth.payload,
             error: follows.then_some(teeth.error),
             pitch_error: follows.then_some(teeth.pitch_error.to_degrees()),
         })
@@ -65,7 +68,10 @@ impl TeethNow {
     /// A line for people.
     fn line(&self) -> String {
         let [x, z] = self.at;
-        let place = format!("teeth at [{x:.3}, {z:.3}] m, pitch {:.1} degrees", self.pitch);
+        let place = format!(
+            "teeth at [{x:.3}, {z:.3}] m, pitch {:.1} degrees, {:.0} kg in the bucket",
+            self.pitch, self.payload
+        );
         match self.error.zip(self.pitch_error) {
             Some((error, pitch)) => {
                 format!("{place}; {:.1} mm from their way, pitch off by {pitch:+.2}\n", 1e3 * error)

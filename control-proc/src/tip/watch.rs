@@ -31,6 +31,8 @@ pub const NEAR: f64 = 0.5;
 #[derive(Debug, Clone, PartialEq)]
 pub struct TipWatch {
     mechanism: PreparedMechanism,
+    /// Payload of the machine file, kg.
+    payload: f64,
     lag: f64,
     /// Whether the lag slows the time along the way.
     waits: bool,
@@ -39,7 +41,7 @@ pub struct TipWatch {
 impl TipWatch {
     /// Of a machine with this mechanism.
     pub fn new(mechanism: &Mechanism) -> Self {
-        Self { mechanism: mechanism.prepared(), lag: 0.0, waits: true }
+        Self { mechanism: mechanism.prepared(), payload: mechanism.masses.payload.mass, lag: 0.0, waits: true }
     }
 
     /// Of a machine with its task; none for a machine without a mechanism that its axes move.
@@ -67,6 +69,7 @@ impl TipWatch {
             x: pose.tip.x,
             z: pose.tip.z,
             pitch: pose.bucket.angle(),
+            payload: self.payload,
             state: TipState::Known as u32,
             ..TeethState::default()
         };

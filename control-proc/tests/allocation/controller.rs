@@ -99,3 +99,25 @@ fn the_controller_allocates_nothing_while_models_control() {
     assert_eq!(neutral_allocations(&controller, &snapshot), 0);
     assert!(by_model > 4 * 4000, "models controlled for {by_model} ticks of axes");
 }
+
+#[test]
+fn an_excavator_whose_payload_is_estimated_allocates_nothing() {
+    let settings = [("mechanism.payload.heaviest", "3000"), ("axis.boom.pressure.resolution", "1e3")];
+    let machine = Machine::load(None, &settings.map(|(key, value)| (key.to_owned(), value.to_owned()))).unwrap();
+    let mut controller = Controller::new(&machine).unwrap();
+    controller.arm();
+    let (mut allocated, mut payloads) = (0, (f64::INFINITY, 0.0_f64));
+    for tick in 0..500 {
+        let mut sample = EncoderSample::default();
+        (sample.header.sequence, sample.header.axis_count) = (tick, 4);
+        sample.axes[..4].iter_mut().for_each(|axis| axis.position = 0.6);
+        let boom = &mut sample.axes[0];
+        (boom.piston_pressure, boom.rod_pressure, boom.has_pressures) = (1e5 * tick as f64, 1e6, 1);
+        let before = allocations();
+        let command = black_box(controller.update(black_box(&sample), None, None));
+        allocated += allocations() - before;
+        payloads = (payloads.0.min(command.teeth.payload), payloads.1.max(command.teeth.payload));
+    }
+    assert!(payloads.0 == 0.0 && payloads.1 > 1000.0, "{payloads:?}");
+    assert_eq!(allocated, 0);
+}

@@ -8,7 +8,7 @@
 
 use mechanism::{AXES, Body, END_STOP_WAY, FourBar, Geometry, Masses, Mechanism, Payload, Vector};
 
-use super::document::Section;
+use super::{Axis, document::Section};
 
 /// Range of coordinates and lengths, m.
 const PLACES: std::ops::RangeInclusive<f64> = -100.0..=100.0;
@@ -17,8 +17,8 @@ const LENGTHS: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
 /// The tables inside `[mechanism]` that have a cylinder, in the order of the axes.
 const BODIES: [&str; AXES] = ["boom", "arm", "telescope", "bucket"];
 
-/// Reads the table.
-pub(super) fn read(section: &mut Section) -> Mechanism {
+/// Reads the table: the mechanism, and the mass up to which its payload is estimated, kg.
+pub(super) fn read(section: &mut Section) -> (Mechanism, Option<f64>) {
     let mut boom = section.section("boom");
     let mut arm = section.section("arm");
     let mut telescope = section.section("telescope");
@@ -38,8 +38,8 @@ pub(super) fn read(section: &mut Section) -> Mechanism {
     ];
     [boom, arm, telescope, bucket].into_iter().for_each(Section::finish);
     let [boom, arm, inner, bucket] = masses;
-    let payload = read_payload(section.section("payload"), bucket.center);
-    Mechanism { geometry, retracted, masses: Masses { boom, arm, inner, bucket, payload } }
+    let (payload, heaviest) = read_payload(section.section("payload"), bucket.center);
+    (Mechanism { geometry, retracted, masses: Masses { boom, arm, inner, bucket, payload } }, heaviest)
 }
 
 fn read_geometry(boom: &mut Section, arm: &mut Section, bucket: &mut Section) -> Geometry {
@@ -87,7 +87,7 @@ fn body(section: &mut Section, center: &'static str) -> Body {
     }
 }
 
-fn read_payload(mut section: Section, bucket: Vector) -> Payload {
+fn read_payload(mut section: Section, bucket: Vector) -> (Payload, Option<f64>) {
     let [x, z] = section
         .key("center", "Centre of mass of the payload, from the bucket pin, x towards the teeth")
         .rule("mechanism.bucket.center")
@@ -99,8 +99,28 @@ fn read_payload(mut section: Section, bucket: Vector) -> Payload {
             .key("radius_of_gyration", "Radius of gyration of the payload about its centre of mass")
             .number_or(0.0, 0.0..=100.0, "m"),
     };
+    let heaviest = section
+        .key("heaviest", "Heaviest payload: with it the controller estimates the payload by the chamber pressures")
+        .rule("none: the controller counts on mass")
+        .optional_number(1.0..=1e6, "kg");
+    if let Some(heaviest) = heaviest.filter(|heaviest| *heaviest < payload.mass) {
+        section.refuse(
+            "heaviest",
+            format!("{heaviest} kg"),
+            format!("a mass from {} kg, that of the payload, on", payload.mass),
+        );
+    }
     section.finish();
-    payload
+    (payload, heaviest)
+}
+
+/// Refuses an estimate of the payload on a machine that measures neither its boom's nor its arm's pressures.
+pub(super) fn expect_pressures(section: &Section, axes: &[Axis]) {
+    let measures = |axis: &Axis| axis.pressure.is_some() && axis.plant.is_some();
+    if !axes.iter().take(2).any(measures) {
+        let found = "a payload to be estimated, without chamber pressures of boom or arm";
+        section.refuse("payload.heaviest", found, "[axis.boom.pressure] and [axis.boom.plant], which has the areas");
+    }
 }
 
 /// Refuses axes that have the name of a body and stand in the place of another one.

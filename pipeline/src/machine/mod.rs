@@ -104,6 +104,8 @@ pub struct Machine {
     pub hydraulics: Option<Hydraulics>,
     /// Pins, lengths and masses of the excavator that the first four axes move, if there is one.
     pub mechanism: Option<Mechanism>,
+    /// Heaviest payload, kg, up to which it is estimated by the chamber pressures; none where it is not.
+    pub heaviest_payload: Option<f64>,
     /// Soil in front of the teeth of the mechanism, if there is one.
     pub soil: Option<Soil>,
     /// The motion of the teeth that axes with a reference of kind `tip` follow, if there is one.
@@ -265,7 +267,8 @@ impl Machine {
             root.refuse("axis", format!("{} axes", names.len()), allowed);
         }
         let mut section = root.section("mechanism");
-        let mechanism = section.is_given().then(|| mechanism::read(&mut section));
+        let (mechanism, heaviest_payload) = section.is_given().then(|| mechanism::read(&mut section)).unzip();
+        let heaviest_payload = heaviest_payload.flatten();
         let carried = if mechanism.is_some() { AXES.min(names.len()) } else { 0 };
         let carried = &names[..carried];
         let shared = Shared { timing: &timing, source: &source, drive, fuzzy, folder, carried };
@@ -273,6 +276,9 @@ impl Machine {
         table.finish();
         if let Some(mechanism) = &mechanism {
             expect_carried(&section, mechanism, &names, &mut axes);
+        }
+        if heaviest_payload.is_some() {
+            mechanism::expect_pressures(&section, &axes);
         }
         section.finish();
         expect_one_node_each(&root, &axes);
@@ -299,6 +305,7 @@ impl Machine {
             can,
             hydraulics,
             mechanism,
+            heaviest_payload,
             soil,
             tip,
             walls,

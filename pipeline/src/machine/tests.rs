@@ -403,6 +403,22 @@ fn wrong_values_of_a_mechanism_name_key_found_and_allowed() {
         ),
         ("mass = 660", "mass = 0", "mechanism.bucket.mass: found 0; allowed: a number from 0.001"),
         ("inertia = 280", "", "mechanism.telescope.inertia: found nothing; allowed: a number from 0 to"),
+        (
+            "[mechanism.payload]",
+            "[mechanism.payload]\nheaviest = 0.5",
+            "mechanism.payload.heaviest: found 0.5; allowed: a number from 1 to",
+        ),
+        (
+            "[mechanism.payload]\nmass = 0 ",
+            "[mechanism.payload]\nheaviest = 800\nmass = 900 ",
+            "mechanism.payload.heaviest: found 800 kg; allowed: a mass from 900 kg",
+        ),
+        (
+            "[mechanism.payload]",
+            "[mechanism.payload]\nheaviest = 800",
+            "mechanism.payload.heaviest: found a payload to be estimated, without chamber pressures of boom or arm; \
+             allowed: [axis.boom.pressure] and [axis.boom.plant]",
+        ),
         ("[mechanism.payload]", "[mechanism.load]", "mechanism.load: found an unknown key; allowed: one of arm, boom,"),
     ] {
         let error = with_mechanism(from, to).unwrap_err().to_string();

@@ -221,8 +221,8 @@ pub enum TipState {
 }
 
 shared_struct! {
-    /// Where the bucket's teeth are, by the positions of the sample.
-    #[type_name("hydraxis.TeethState/1")]
+    /// Where the bucket's teeth are, by the positions of the sample, and what the bucket carries.
+    #[type_name("hydraxis.TeethState/2")]
     pub struct TeethState {
         /// Forward of the centre of swing, m.
         pub x: f64,
@@ -236,6 +236,8 @@ shared_struct! {
         pub pitch_error: f64,
         /// Length of the way up to where the teeth should be, m; 0 unless they follow it.
         pub way: f64,
+        /// What the bucket carries, kg: that of the machine file, or as estimated by the chamber pressures.
+        pub payload: f64,
         /// A [`TipState`] as number.
         pub state: u32,
         /// Zero.
@@ -245,7 +247,7 @@ shared_struct! {
 
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/10")]
+    #[type_name("hydraxis.ValveCommand/11")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,

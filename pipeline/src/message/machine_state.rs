@@ -51,7 +51,7 @@ impl AxisState {
 
 shared_struct! {
     /// The newest sample and command of all axes. Control-proc sends one at each of its heartbeats.
-    #[type_name("hydraxis.MachineState/6")]
+    #[type_name("hydraxis.MachineState/7")]
     pub struct MachineState {
         /// `sequence` names the sample.
         pub header: Header,

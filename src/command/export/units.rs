@@ -6,7 +6,7 @@
 use pipeline::message::{EncoderReading, Message, Reference, Request, StageHealth};
 
 /// Ends of names, with their units. The first one that matches counts.
-const ENDINGS: [(&str, &str); 19] = [
+const ENDINGS: [(&str, &str); 20] = [
     ("_ns", "ns"),
     (".piston_pressure", "Pa"),
     (".rod_pressure", "Pa"),
@@ -26,6 +26,7 @@ const ENDINGS: [(&str, &str); 19] = [
     ("teeth.way", "m"),
     ("teeth.pitch", "rad"),
     ("teeth.pitch_error", "rad"),
+    ("teeth.payload", "kg"),
 ];
 /// Groups of figures in a heartbeat that are times, and those of their numbers that are not.
 const LATENCIES: [&str; 4] = ["wait.", "work.", "end_to_end.", "release_jitter."];
@@ -70,6 +71,7 @@ mod tests {
         // Reference and error; mean and largest of both errors. Place, error and way of the teeth.
         assert_eq!(with_unit::<ValveCommand>("m"), 6 * axes + 4);
         assert_eq!(with_unit::<ValveCommand>("rad"), 2);
+        assert_eq!(with_unit::<ValveCommand>("kg"), 1);
         assert_eq!(with_unit::<ValveCommand>("m^2"), 2 * axes);
         assert_eq!(with_unit::<Reference>("m"), 32 * axes);
         assert_eq!(with_unit::<Request>("m"), axes);

@@ -42,6 +42,10 @@ pub struct TeethStory {
     path: Spread<[f64; 2]>,
     /// Distance from the way, mm, and error of the pitch, degrees, while there is a way.
     errors: [Line; 2],
+    /// What the bucket carries, kg.
+    payload: Line,
+    /// The least and the most of it, kg.
+    payloads: (f64, f64),
     /// Distance from the way, m, and error of the pitch, degrees, over all ticks on the way.
     statistics: [ErrorStatistics; 2],
     /// Ground by the number of its place, m.
@@ -55,6 +59,8 @@ impl TeethStory {
         Self {
             path: Spread::new(),
             errors: [Line::new(), Line::new()],
+            payload: Line::new(),
+            payloads: (f64::INFINITY, f64::NEG_INFINITY),
             statistics: [ErrorStatistics::default(); 2],
             ground: BTreeMap::new(),
             last: None,
@@ -70,6 +76,8 @@ impl TeethStory {
         }
         self.path.push(t, || at);
         self.dig(at);
+        self.payload.push(t, teeth.payload);
+        self.payloads = (self.payloads.0.min(teeth.payload), self.payloads.1.max(teeth.payload));
         if teeth.state == TipState::OnTheWay as u32 {
             let errors = [teeth.error, teeth.pitch_error.to_degrees()];
             self.statistics.iter_mut().zip(errors).for_each(|(statistics, error)| statistics.push(error));
@@ -81,7 +89,7 @@ impl TeethStory {
 
     /// Nothing is known of the teeth at `t` s.
     pub fn cut(&mut self, t: f64) {
-        self.errors.iter_mut().for_each(|line| line.cut(t));
+        self.errors.iter_mut().chain([&mut self.payload]).for_each(|line| line.cut(t));
         self.last = None;
     }
 
@@ -116,12 +124,15 @@ impl TeethStory {
         let over_time = |title: &str, label: &str, line_of: &Line| {
             chart(title, label, HALF, vec![line("", line_of.points(), COLOURS[0], 2)])
         };
-        let charts = [
+        let mut charts = vec![
             self.side(),
             over_time("Distance of the teeth from their way", "distance, mm", &self.errors[0]),
             over_time("Pitch minus the planned one", "pitch, degrees", &self.errors[1]),
         ];
-        let captions = ["The ground is taken to be level, at the height on which the machine stands.", "", ""];
+        if self.payloads.0 < self.payloads.1 {
+            charts.push(over_time("What the bucket carries, by the chamber pressures", "payload, kg", &self.payload));
+        }
+        let captions = ["The ground is taken to be level, at the height on which the machine stands.", "", "", ""];
         let shown = charts.into_iter().zip(captions).filter(|(chart, _)| chart.has_points());
         let figure = |(chart, caption): (Chart, &str)| Figure { chart, caption: caption.to_owned() };
         page.pictures(&shown.map(figure).collect::<Vec<_>>())

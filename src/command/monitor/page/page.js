@@ -187,7 +187,7 @@
   function teeth(now) {
     if (!now) return "teeth: not known";
     const [x, z] = now.at.map((value) => fixed(value, 3));
-    const place = `teeth at x ${x} m, z ${z} m, pitch ${fixed(now.pitch, 1)}°`;
+    const place = `teeth at x ${x} m, z ${z} m, pitch ${fixed(now.pitch, 1)}°, ${fixed(now.payload, 0)} kg in the bucket`;
     if (now.error === null) return place;
     return `${place}; ${fixed(1e3 * now.error, 1)} mm from their way, pitch off by ${fixed(now.pitch_error, 2)}°`;
   }

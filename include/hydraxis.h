@@ -34,8 +34,8 @@
 #define HYDRAXIS_ENCODER_SAMPLE_BUFFER 256
 
 #define HYDRAXIS_VALVE_COMMAND_SERVICE "hydraxis/valve-command"
-#define HYDRAXIS_VALVE_COMMAND_TYPE "hydraxis.ValveCommand/10"
-#define HYDRAXIS_VALVE_COMMAND_LAYOUT "d71ac3aca7919779"
+#define HYDRAXIS_VALVE_COMMAND_TYPE "hydraxis.ValveCommand/11"
+#define HYDRAXIS_VALVE_COMMAND_LAYOUT "ed9a0594504275f5"
 #define HYDRAXIS_VALVE_COMMAND_BUFFER 256
 
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_SERVICE "hydraxis/coefficient-snapshot"
@@ -59,8 +59,8 @@
 #define HYDRAXIS_STAGE_HEALTH_BUFFER 16
 
 #define HYDRAXIS_MACHINE_STATE_SERVICE "hydraxis/machine-state"
-#define HYDRAXIS_MACHINE_STATE_TYPE "hydraxis.MachineState/6"
-#define HYDRAXIS_MACHINE_STATE_LAYOUT "b8bcf896e42e999e"
+#define HYDRAXIS_MACHINE_STATE_TYPE "hydraxis.MachineState/7"
+#define HYDRAXIS_MACHINE_STATE_LAYOUT "a868728977d52899"
 #define HYDRAXIS_MACHINE_STATE_BUFFER 16
 
 enum HydraxisAxisMode {
@@ -405,6 +405,8 @@ typedef struct HydraxisTeethState {
     double pitch_error;
     // Length of the way up to where the teeth should be, m; 0 unless they follow it.
     double way;
+    // What the bucket carries, kg: that of the machine file, or as estimated by the chamber pressures.
+    double payload;
     // A TipState as number.
     uint32_t state;
     // Zero.
@@ -416,9 +418,10 @@ HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, pitch) == 16, "HydraxisTeethState.p
 HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, error) == 24, "HydraxisTeethState.error");
 HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, pitch_error) == 32, "HydraxisTeethState.pitch_error");
 HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, way) == 40, "HydraxisTeethState.way");
-HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, state) == 48, "HydraxisTeethState.state");
-HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, reserved) == 52, "HydraxisTeethState.reserved");
-HYDRAXIS_ASSERT(sizeof(HydraxisTeethState) == 56, "HydraxisTeethState");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, payload) == 48, "HydraxisTeethState.payload");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, state) == 56, "HydraxisTeethState.state");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, reserved) == 60, "HydraxisTeethState.reserved");
+HYDRAXIS_ASSERT(sizeof(HydraxisTeethState) == 64, "HydraxisTeethState");
 
 typedef struct HydraxisCommandInputs {
     // Number of the snapshot that was used, plus 1; 0 without a snapshot.
@@ -470,8 +473,8 @@ HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, cut_off) == 1712, "HydraxisValveC
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, reserved) == 1716, "HydraxisValveCommand.reserved");
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, operator_) == 1720, "HydraxisValveCommand.operator");
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, teeth) == 1728, "HydraxisValveCommand.teeth");
-HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, inputs) == 1784, "HydraxisValveCommand.inputs");
-HYDRAXIS_ASSERT(sizeof(HydraxisValveCommand) == 1840, "HydraxisValveCommand");
+HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, inputs) == 1792, "HydraxisValveCommand.inputs");
+HYDRAXIS_ASSERT(sizeof(HydraxisValveCommand) == 1848, "HydraxisValveCommand");
 
 typedef struct HydraxisCoefficients {
     // Order of A.
@@ -850,6 +853,6 @@ typedef struct HydraxisMachineState {
 HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, header) == 0, "HydraxisMachineState.header");
 HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, axes) == 48, "HydraxisMachineState.axes");
 HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, teeth) == 2736, "HydraxisMachineState.teeth");
-HYDRAXIS_ASSERT(sizeof(HydraxisMachineState) == 2792, "HydraxisMachineState");
+HYDRAXIS_ASSERT(sizeof(HydraxisMachineState) == 2800, "HydraxisMachineState");
 
 #endif

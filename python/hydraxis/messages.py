@@ -343,7 +343,7 @@ class AxisCommand(ctypes.Structure):
 
 
 class TeethState(ctypes.Structure):
-    SIZE = 56
+    SIZE = 64
     _fields_ = [
         # Forward of the centre of swing, m.
         ("x", f64),
@@ -357,6 +357,8 @@ class TeethState(ctypes.Structure):
         ("pitch_error", f64),
         # Length of the way up to where the teeth should be, m; 0 unless they follow it.
         ("way", f64),
+        # What the bucket carries, kg: that of the machine file, or as estimated by the chamber pressures.
+        ("payload", f64),
         # A TipState as number.
         ("state", u32),
         # Zero.
@@ -388,11 +390,11 @@ class CommandInputs(ctypes.Structure):
 
 class ValveCommand(ctypes.Structure):
     CHANNEL = "valve-command"
-    LAYOUT = "d71ac3aca7919779"
+    LAYOUT = "ed9a0594504275f5"
     MAX_PUBLISHERS = 1
     BUFFER = 256  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 1840
+    SIZE = 1848
     _fields_ = [
         # sequence names the sample that the command was made from.
         ("header", Header),
@@ -412,7 +414,7 @@ class ValveCommand(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/10"
+        return "hydraxis.ValveCommand/11"
 
 
 class Coefficients(ctypes.Structure):
@@ -740,11 +742,11 @@ class AxisState(ctypes.Structure):
 
 class MachineState(ctypes.Structure):
     CHANNEL = "machine-state"
-    LAYOUT = "b8bcf896e42e999e"
+    LAYOUT = "a868728977d52899"
     MAX_PUBLISHERS = 1
     BUFFER = 16  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 2792
+    SIZE = 2800
     _fields_ = [
         # sequence names the sample.
         ("header", Header),
@@ -756,7 +758,7 @@ class MachineState(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.MachineState/6"
+        return "hydraxis.MachineState/7"
 
 
 # All messages, by the names of their channels, in the order of the data.

@@ -118,10 +118,10 @@ impl Payload {
             let lever = (probed.load[i] - empty.load[i]) / PROBE;
             sums.held[0] += lever * (force - empty.load[i]);
             sums.held[1] += lever * lever;
-            for j in 0..AXES {
+            for (j, speed) in speeds.iter().enumerate() {
                 let more = (probed.mass[i][j] - empty.mass[i][j]) / PROBE;
-                sums.momentum[0] += lever * empty.mass[i][j] * speeds[j];
-                sums.momentum[1] += lever * more * speeds[j];
+                sums.momentum[0] += lever * empty.mass[i][j] * speed;
+                sums.momentum[1] += lever * more * speed;
             }
         }
         let [force, momentum] = [sums.held[0], sums.momentum[0]];

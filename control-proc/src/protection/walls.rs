@@ -23,10 +23,13 @@
 //! | gentle | of a person's commands, by curve and load | `stop_reaction` | these speeds become s times as fast |
 //! | hard | the greater of measured and commanded | 1.5 (t_d + tau) + T + 20 ms + 1/w0 | s < 1: neutral |
 //!
-//! The hard rule spares an axis that leads away, X_j <= |w_j| t_j + 3 mm: not one that shakes the others more than
+//! The hard rule spares an axis that leads away while X_j <= |w_j| t_j + 3 mm: not one that shakes the others more than
 //! that. t_d is the dead time and tau the lag of the commissioned model; 1/w0 counts only where a swing was found; a_i
 //! is `stop_deceleration`. An axis without a commissioned model has t_i = 1 s and c_i = 0, others have c_i =
 //! (t_d + tau)/2.
+//!
+//! A person's command is taken to open the valve by 0.02 more than it does, so that what a wall leaves of it in the end
+//! is no command at the edge of the dead band, where an axis begins late and faster than its curve says.
 //!
 //! Speeds of commands are g times those of the static curve where a load may overrun the axis ([`Overrun`]).
 //!
@@ -50,6 +53,8 @@ const RECOIL: f64 = 2.0;
 const SPEED_DELAY: f64 = 0.02;
 /// Way beyond d before the hard rule acts, m: the noise of the encoders at rest.
 const SLACK: f64 = 3e-3;
+/// Opening by which a valve may begin before the dead band that was found ends: a curve is least exact there.
+const UNSURE: f64 = 0.02;
 /// Step of a cylinder for the motion of the rocker, m.
 const STEP: f64 = 1e-4;
 
@@ -163,6 +168,12 @@ impl Stop {
             overrun,
             coming: 0.0,
         }
+    }
+
+    /// Speed that a command makes at most, m/s, by the curve.
+    fn speed(&self, command: f64, is_manual: bool) -> f64 {
+        let more = if is_manual && command != 0.0 { UNSURE } else { 0.0 };
+        self.curve.speed(command + more.copysign(command))
     }
 }
 
@@ -319,7 +330,7 @@ impl Walls {
             allowed = Allowed { commands: [0.0; AXES], stopped: wanted.map(|axis| axis.command != 0.0) };
         }
         for (i, (stop, command)) in self.stops.iter_mut().zip(allowed.commands).enumerate() {
-            stop.coming += stop.decay * (faster[i] * stop.curve.speed(command) - stop.coming);
+            stop.coming += stop.decay * (faster[i] * stop.speed(command, wanted[i].is_manual) - stop.coming);
         }
         allowed
     }
@@ -335,7 +346,7 @@ impl Walls {
         let positions = motion.map(|(position, _)| position);
         let mut asked = [0.0; AXES];
         for i in 0..AXES {
-            asked[i] = faster[i] * self.stops[i].curve.speed(wanted[i].command);
+            asked[i] = faster[i] * self.stops[i].speed(wanted[i].command, wanted[i].is_manual);
         }
         let fastest: [f64; AXES] = std::array::from_fn(|i| f64::max(motion[i].1.abs(), self.stops[i].coming.abs()));
         let swings = self.swings(dynamics, &fastest);
@@ -373,8 +384,8 @@ impl Walls {
         for i in 0..AXES {
             let command = wanted[i].command;
             if wanted[i].is_manual && gentle < 1.0 {
-                let slower = self.stops[i].curve.command(gentle * asked[i] / faster[i]).abs();
-                allowed.commands[i] = command.abs().min(slower).copysign(command);
+                let slower = self.stops[i].curve.command(gentle * asked[i] / faster[i]).abs() - UNSURE;
+                allowed.commands[i] = command.abs().min(slower.max(0.0)).copysign(command);
             }
             allowed.stopped[i] &= command != 0.0;
             if allowed.stopped[i] {

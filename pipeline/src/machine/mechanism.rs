@@ -17,8 +17,11 @@ const LENGTHS: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
 /// The tables inside `[mechanism]` that have a cylinder, in the order of the axes.
 const BODIES: [&str; AXES] = ["boom", "arm", "telescope", "bucket"];
 
-/// Reads the table: the mechanism, and the mass up to which its payload is estimated, kg.
-pub(super) fn read(section: &mut Section) -> (Mechanism, Option<f64>) {
+/// Reads the table, where it is given: the mechanism, and the mass up to which its payload is estimated, kg.
+pub(super) fn read(section: &mut Section) -> Option<(Mechanism, Option<f64>)> {
+    if !section.is_given() {
+        return None;
+    }
     let mut boom = section.section("boom");
     let mut arm = section.section("arm");
     let mut telescope = section.section("telescope");
@@ -39,7 +42,8 @@ pub(super) fn read(section: &mut Section) -> (Mechanism, Option<f64>) {
     [boom, arm, telescope, bucket].into_iter().for_each(Section::finish);
     let [boom, arm, inner, bucket] = masses;
     let (payload, heaviest) = read_payload(section.section("payload"), bucket.center);
-    (Mechanism { geometry, retracted, masses: Masses { boom, arm, inner, bucket, payload } }, heaviest)
+    let masses = Masses { boom, arm, inner, bucket, payload };
+    Some((Mechanism { geometry, retracted, masses }, heaviest))
 }
 
 fn read_geometry(boom: &mut Section, arm: &mut Section, bucket: &mut Section) -> Geometry {

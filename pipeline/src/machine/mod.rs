@@ -267,20 +267,14 @@ impl Machine {
             root.refuse("axis", format!("{} axes", names.len()), allowed);
         }
         let mut section = root.section("mechanism");
-        let (mechanism, heaviest_payload) = section.is_given().then(|| mechanism::read(&mut section)).unzip();
-        let heaviest_payload = heaviest_payload.flatten();
-        let carried = if mechanism.is_some() { AXES.min(names.len()) } else { 0 };
-        let carried = &names[..carried];
+        let mechanism = mechanism::read(&mut section);
+        let carried = &names[..if mechanism.is_some() { AXES.min(names.len()) } else { 0 }];
         let shared = Shared { timing: &timing, source: &source, drive, fuzzy, folder, carried };
         let mut axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
-        if let Some(mechanism) = &mechanism {
-            expect_carried(&section, mechanism, &names, &mut axes);
-        }
-        if heaviest_payload.is_some() {
-            mechanism::expect_pressures(&section, &axes);
-        }
+        mechanism.iter().for_each(|mechanism| expect_carried(&section, mechanism, &names, &mut axes));
         section.finish();
+        let (mechanism, heaviest_payload) = mechanism.unzip();
         expect_one_node_each(&root, &axes);
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
@@ -305,7 +299,7 @@ impl Machine {
             can,
             hydraulics,
             mechanism,
-            heaviest_payload,
+            heaviest_payload: heaviest_payload.flatten(),
             soil,
             tip,
             walls,
@@ -356,9 +350,18 @@ fn read_stages(root: &mut Section, source: &Source, program: Option<Vec<String>>
     stages
 }
 
-/// Refuses a mechanism that does not fit the axes, and completes the sensors of its joints.
-fn expect_carried(section: &Section, mechanism: &Mechanism, names: &[String], axes: &mut [Axis]) {
+/// Refuses a mechanism, and a mass up to which its payload is estimated, that do not fit the axes, and completes the
+/// sensors of its joints.
+fn expect_carried(
+    section: &Section,
+    (mechanism, heaviest): &(Mechanism, Option<f64>),
+    names: &[String],
+    axes: &mut [Axis],
+) {
     let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
+    if heaviest.is_some() {
+        mechanism::expect_pressures(section, axes);
+    }
     mechanism::expect_order(section, names);
     mechanism::expect_movable(section, mechanism, &strokes);
     if section.is_sound() {

@@ -28,6 +28,8 @@
 //! is `stop_deceleration`. An axis without a commissioned model has t_i = 1 s and c_i = 0, others have c_i =
 //! (t_d + tau)/2.
 //!
+//! A direction that the hard rule has stopped stays neutral for t_i more, and for a swing of the axis at least.
+//!
 //! A person's command is taken to open the valve by 0.02 more than it does, so that what a wall leaves of it in the end
 //! is no command at the edge of the dead band, where an axis begins late and faster than its curve says.
 //!
@@ -102,6 +104,10 @@ struct Stop {
     overrun: Overrun,
     /// Speed that the axis comes to by its commands so far, m/s.
     coming: f64,
+    /// Ticks for which a direction that the hard rule has stopped stays neutral.
+    rest: u32,
+    /// Those that are left, extending and retracting.
+    resting: [u32; 2],
 }
 
 /// Speed by command.
@@ -167,7 +173,21 @@ impl Stop {
             curve,
             overrun,
             coming: 0.0,
+            rest: (hard.max(std::f64::consts::TAU / swing) / period).ceil() as u32,
+            resting: [0; 2],
         }
+    }
+
+    /// Leaves a direction neutral for a while that the hard rule has stopped: who goes on with every swing that leads
+    /// away keeps it alive.
+    fn come_to_rest(&mut self, command: &mut f64, is_stopped: &mut bool, wanted: f64) {
+        let side = usize::from(wanted < 0.0);
+        if *is_stopped {
+            self.resting[side] = self.rest;
+        } else if wanted != 0.0 && self.resting[side] > 0 {
+            (*command, *is_stopped) = (0.0, true);
+        }
+        self.resting = self.resting.map(|ticks| ticks.saturating_sub(1));
     }
 
     /// Speed that a command makes at most, m/s, by the curve.
@@ -329,7 +349,9 @@ impl Walls {
         } else {
             allowed = Allowed { commands: [0.0; AXES], stopped: wanted.map(|axis| axis.command != 0.0) };
         }
-        for (i, (stop, command)) in self.stops.iter_mut().zip(allowed.commands).enumerate() {
+        for (i, stop) in self.stops.iter_mut().enumerate() {
+            stop.come_to_rest(&mut allowed.commands[i], &mut allowed.stopped[i], wanted[i].command);
+            let command = allowed.commands[i];
             stop.coming += stop.decay * (faster[i] * stop.speed(command, wanted[i].is_manual) - stop.coming);
         }
         allowed

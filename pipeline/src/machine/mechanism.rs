@@ -108,11 +108,8 @@ fn read_payload(mut section: Section, bucket: Vector) -> (Payload, Option<f64>) 
         .rule("none: the controller counts on mass")
         .optional_number(1.0..=1e6, "kg");
     if let Some(heaviest) = heaviest.filter(|heaviest| *heaviest < payload.mass) {
-        section.refuse(
-            "heaviest",
-            format!("{heaviest} kg"),
-            format!("a mass from {} kg, that of the payload, on", payload.mass),
-        );
+        let allowed = format!("the mass of the payload, {} kg, or more", payload.mass);
+        section.refuse("heaviest", format!("{heaviest} kg"), allowed);
     }
     section.finish();
     (payload, heaviest)
@@ -123,7 +120,11 @@ pub(super) fn expect_pressures(section: &Section, axes: &[Axis]) {
     let measures = |axis: &Axis| axis.pressure.is_some() && axis.plant.is_some();
     if !axes.iter().take(2).any(measures) {
         let found = "a payload to be estimated, without chamber pressures of boom or arm";
-        section.refuse("payload.heaviest", found, "[axis.boom.pressure] and [axis.boom.plant], which has the areas");
+        section.refuse(
+            "payload.heaviest",
+            found,
+            "[axis.boom.pressure], or that of the arm, beside [axis.NAME.plant], which has the areas",
+        );
     }
 }
 

@@ -411,13 +411,13 @@ fn wrong_values_of_a_mechanism_name_key_found_and_allowed() {
         (
             "[mechanism.payload]\nmass = 0 ",
             "[mechanism.payload]\nheaviest = 800\nmass = 900 ",
-            "mechanism.payload.heaviest: found 800 kg; allowed: a mass from 900 kg",
+            "mechanism.payload.heaviest: found 800 kg; allowed: the mass of the payload, 900 kg, or more",
         ),
         (
             "[mechanism.payload]",
             "[mechanism.payload]\nheaviest = 800",
             "mechanism.payload.heaviest: found a payload to be estimated, without chamber pressures of boom or arm; \
-             allowed: [axis.boom.pressure] and [axis.boom.plant]",
+             allowed: [axis.boom.pressure], or that of the arm, beside [axis.NAME.plant]",
         ),
         ("[mechanism.payload]", "[mechanism.load]", "mechanism.load: found an unknown key; allowed: one of arm, boom,"),
     ] {

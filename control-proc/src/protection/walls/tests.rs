@@ -158,3 +158,29 @@ fn an_axis_that_shakes_the_others_more_than_it_leads_away_is_stopped() {
         assert_eq!(commands[0], -0.5, "the boom leads away");
     }
 }
+
+/// Regression: the boom swung before a wall, and went on towards it with every swing that led away. That kept the swing
+/// alive, and took the teeth 12 to 21 mm beyond the wall.
+#[test]
+fn a_direction_that_was_stopped_rests_for_a_swing() {
+    let mut walls = Walls::of(&excavator()).unwrap();
+    walls.limits = [0.0, f64::INFINITY, f64::INFINITY];
+    let mut lowest = f64::NEG_INFINITY;
+    walls.each(&FREE, |_, distance, _| lowest = lowest.max(-distance));
+    walls.limits[0] = lowest + 0.5;
+    let boom = |walls: &mut Walls, speed: f64, command: f64| {
+        let mut wanted = still(FREE, 0.0);
+        wanted[0] = Wanted { command, motion: Some((FREE[0], speed)), is_manual: false };
+        let Allowed { commands, stopped } = walls.update(&wanted);
+        (commands[0], stopped[0])
+    };
+    assert_eq!(boom(&mut walls.clone(), 0.01, -0.4), (-0.4, false));
+    assert_eq!(boom(&mut walls, -0.3, -0.4), (0.0, true));
+    let rest = walls.stops[0].rest;
+    assert!((30..100).contains(&rest), "{rest}");
+    for tick in 1..rest {
+        assert_eq!(boom(&mut walls.clone(), 0.01, 0.4), (0.4, false), "the boom leads away, {tick}");
+        assert_eq!(boom(&mut walls, 0.01, -0.4), (0.0, true), "{tick}");
+    }
+    assert_eq!(boom(&mut walls, 0.01, -0.4), (-0.4, false));
+}

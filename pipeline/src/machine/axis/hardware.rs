@@ -25,9 +25,16 @@ use crate::machine::document::{EffectiveValue, Origin};
 
 /// How the value of `source.kind` of a real machine is shown.
 const REAL: [&str; 2] = ["\"external\"", "\"can\""];
-/// Keys of the simulated axis that its model does not depend on.
-const OTHERS: [&str; 6] =
-    ["initial_position", "encoder_noise", "angle_noise", "angle_error", "angle_bandwidth", "pressure_noise"];
+/// Keys of the simulated machine that its models do not depend on.
+const OTHERS: [&str; 7] = [
+    "initial_position",
+    "encoder_noise",
+    "angle_noise",
+    "angle_error",
+    "angle_bandwidth",
+    "pressure_noise",
+    "heaviest",
+];
 
 /// What the model of an axis depends on.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -14,6 +14,12 @@ use crate::commission::record::ExperimentRecord;
 const PARTS: usize = 4;
 /// Length of the differences that are fitted, s.
 const FITTED_AHEAD: f64 = 0.2;
+/// Time from the begin of a motion on after which its pace counts, s, and length of the ways that are compared, s.
+const SETTLED: f64 = 0.8;
+const PACED_AHEAD: f64 = 0.5;
+/// Least motions that tell a pace, and least difference to 1 that is taken into a curve.
+const LEAST_MOTIONS: usize = 3;
+const LEAST_PACE: f64 = 0.03;
 /// Spacing of the rows that are fitted, s.
 const ROW_SPACING: f64 = 0.03;
 /// Length of the blocks of a judgement, in times that it looks ahead.
@@ -140,6 +146,68 @@ impl Data<'_> {
         }
         (100.0 * (1.0 - (squares.iter().sum::<f64>() / motion).sqrt()), squares)
     }
+}
+
+/// How much faster than by `model` the axis is in the end of long motions, extending and retracting; 1 where the record
+/// does not tell.
+///
+/// ```text
+/// s = sum_j a_j / sum_j b_j        e^2 = n/(n-1) sum_j (a_j - s b_j)^2 / (sum_j b_j)^2        |s - 1| > max(2 e, 3 %)
+/// ```
+///
+/// a_j and b_j are the sums of the products of the modelled way in half a second with the measured one and with itself,
+/// over all such ways of motion j that begin [`SETTLED`] after the spool has left its dead band; n motions, e standard
+/// error. A pump that has to raise its pressure first, and chambers that have to be filled, take way from the begin of
+/// every motion. The steps of an experiment are short, so its curve lies too low by that.
+pub(super) fn pace(data: &Data<'_>, model: &Commissioned, beside: &Beside) -> [f64; 2] {
+    let (period, record) = (data.record.period, data.record);
+    let integrals = integrate(record, data.end, &Dynamics::of_model(model, beside.start), |x| [model.spool_speed(x)]);
+    let places = places(record, data.end);
+    let (ahead, settled) = (samples(PACED_AHEAD, period), samples(SETTLED, period));
+    let late = (model.dead_time / period).round() as usize;
+    let mut motions: [Vec<[f64; 2]>; 2] = [Vec::new(), Vec::new()];
+    let (mut side, mut begin) = (None, 0);
+    for end in 0..data.end {
+        let command = end.checked_sub(late).map_or(0.0, |k| record.commands[k]);
+        let now = match command {
+            command if command > model.dead_band.extend => Some(0),
+            command if command < -model.dead_band.retract => Some(1),
+            _ => None,
+        };
+        if now != side {
+            (side, begin) = (now, end);
+        }
+        let Some((side, from)) = side.zip(end.checked_sub(ahead)).filter(|(_, from)| *from >= begin + settled) else {
+            continue;
+        };
+        if from == begin + settled {
+            motions[side].push([0.0; 2]);
+        }
+        let way = record.positions[end] - record.positions[from];
+        if way.is_nan() {
+            continue;
+        }
+        let [[before], [after]] = [from, end].map(|k| delayed(&integrals, k, model.dead_time, period));
+        let drifted = beside.speed * ahead as f64 * period + beside.rise * (places[end] - places[from]);
+        let modelled = after - before;
+        if let Some([a, b]) = motions[side].last_mut() {
+            *a += (way - drifted) * modelled;
+            *b += modelled * modelled;
+        }
+    }
+    motions.map(|motions| {
+        let (ratio, error) = ratio(&motions);
+        let shows = motions.len() >= LEAST_MOTIONS && (ratio - 1.0).abs() > f64::max(2.0 * error, LEAST_PACE);
+        if shows { ratio } else { 1.0 }
+    })
+}
+
+/// s and e.
+fn ratio(motions: &[[f64; 2]]) -> (f64, f64) {
+    let [a, b] = [0, 1].map(|k| motions.iter().map(|motion| motion[k]).sum::<f64>());
+    let (count, ratio) = (motions.len() as f64, a / b);
+    let squares: f64 = motions.iter().map(|[a, b]| (a - ratio * b).powi(2)).sum();
+    (ratio, (count / (count - 1.0) * squares).sqrt() / b)
 }
 
 /// How far the axis has moved since the first sample, m, at every sample of a record, by a model of it.

@@ -35,7 +35,8 @@
 //! bends (`STRAIGHTNESSES`) the largest one counts that explains as much of it as the best, within the standard error
 //! of their difference (L. Breiman et al., Classification and Regression Trees, 1984). Loads that overrun the axis are
 //! kept where they explain more of the fitted part and as much of the rest, and so is the `start` of the oil where it
-//! explains clearly more of the fitted part and more of the rest. Then all is fitted once more on the whole.
+//! explains clearly more of the fitted part and more of the rest. Then all is fitted once more on the whole, and the
+//! speeds of each direction are brought to the pace of long motions (`pace`).
 //!
 //! Traps: t_d and tau trade off against each other where the load swings and the model does not; only their sum is
 //! certain. In the model that is written half of the hysteresis is in the dead bands and the spring's delay in the time
@@ -55,7 +56,7 @@ use pipeline::machine::{Commissioned, DeadBand};
 
 use super::record::ExperimentRecord;
 pub use fit::modelled;
-use fit::{Beside, Data};
+use fit::{Beside, Data, pace};
 use shape::{KNOTS, Parameters, Seen, Shape};
 use simplex::minimum;
 
@@ -146,7 +147,10 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     let rest = Data { begin: split, end: count, ..data(is_drifting) };
     let chosen = search(is_drifting).judged(best, &rest)?.overrun(&rest)?.straightened(&rest)?.started(&rest)?;
     let whole = Search { fitted: Data { end: count, ..chosen.search.fitted }, seen };
-    let (mut model, _) = whole.beyond_flat_begin(whole.refined(chosen.point, first_steps(&chosen.point)))?;
+    let (mut model, beside) = whole.beyond_flat_begin(whole.refined(chosen.point, first_steps(&chosen.point)))?;
+    let [extend, retract] = pace(&whole.fitted, &model, &beside);
+    model.speeds_extend.iter_mut().for_each(|speed| *speed *= extend);
+    model.speeds_retract.iter_mut().for_each(|speed| *speed *= retract);
     (model.fit_percent, model.mass) = (chosen.explained, record.mass);
     Ok(model)
 }

@@ -46,6 +46,11 @@ impl Beside {
     pub fn of(shape: &Shape, unknowns: &DVector<f64>) -> Self {
         Self { speed: unknowns[DRIFT], rise: unknowns[DRIFT + 1], start: shape.start }
     }
+
+    /// Way of the drift in so many samples, m, between these two of [`places`].
+    fn drifted(&self, count: f64, period: f64, [from, to]: [f64; 2]) -> f64 {
+        self.speed * count * period + self.rise * (to - from)
+    }
 }
 
 /// A part of a record.
@@ -140,7 +145,7 @@ impl Data<'_> {
                 continue;
             }
             let [[from], [to]] = [k, k + ahead].map(|k| delayed(&integrals, k, model.dead_time, period));
-            let drifted = beside.speed * ahead as f64 * period + beside.rise * (places[k + ahead] - places[k]);
+            let drifted = beside.drifted(ahead as f64, period, [places[k], places[k + ahead]]);
             squares[(k - begin) / (BLOCK * ahead)] += (way - drifted - (to - from)).powi(2);
             motion += way * way;
         }
@@ -188,7 +193,7 @@ pub(super) fn pace(data: &Data<'_>, model: &Commissioned, beside: &Beside) -> [f
             continue;
         }
         let [[before], [after]] = [from, end].map(|k| delayed(&integrals, k, model.dead_time, period));
-        let drifted = beside.speed * ahead as f64 * period + beside.rise * (places[end] - places[from]);
+        let drifted = beside.drifted(ahead as f64, period, [places[from], places[end]]);
         let modelled = after - before;
         if let Some([a, b]) = motions[side].last_mut() {
             *a += (way - drifted) * modelled;

@@ -32,11 +32,13 @@ pub struct Load {
     pub faster: [f64; 2],
     /// p.
     pub gain: f64,
+    /// r.
+    pub slower: f64,
 }
 
 impl Load {
     /// An axis whose load is not known, or is that of its commissioning.
-    pub const USUAL: Self = Self { faster: [1.0; 2], gain: 1.0 };
+    pub const USUAL: Self = Self { faster: [1.0; 2], gain: 1.0, slower: 1.0 };
 
     /// g of a motion in this direction.
     pub fn faster(&self, direction: f64) -> f64 {
@@ -68,9 +70,14 @@ impl Commissioning {
         Self { overrun: model.overrun, mass: model.mass, parts: parts(&axis.control, model, period) }
     }
 
+    /// r.
+    fn slower(&self, mass: f64) -> f64 {
+        (self.mass / mass).sqrt().min(1.0)
+    }
+
     /// p.
     fn part(&self, mass: f64) -> f64 {
-        let steps = (1.0 - (self.mass / mass).sqrt().min(1.0)) / STEP;
+        let steps = (1.0 - self.slower(mass)) / STEP;
         let (whole, rest) = ((steps as usize).min(STEPS), steps.fract());
         let next = self.parts[(whole + 1).min(STEPS)];
         self.parts[whole] + rest * (next - self.parts[whole])
@@ -132,6 +139,7 @@ impl Loads {
         std::array::from_fn(|i| Load {
             faster: self.axes[i].overrun.factors(load[i]),
             gain: self.axes[i].part(mass[i][i]),
+            slower: self.axes[i].slower(mass[i][i]),
         })
     }
 

@@ -64,7 +64,7 @@ use pipeline::{
 };
 
 use crate::{
-    fallback::Fallback,
+    fallback::{Fallback, pressure::PressureFeedback},
     load::Load,
     model::gate::Gate,
     protection::{Protection, walls::Wanted},
@@ -119,6 +119,7 @@ pub struct AxisController {
     references: References,
     law: ModelLaw,
     fallback: Fallback,
+    pressure: Option<PressureFeedback>,
     standstill: Standstill,
     protection: Protection,
     tracking: Tracking,
@@ -144,6 +145,7 @@ impl AxisController {
             references: References::new(index, axis, period, ahead),
             law,
             fallback,
+            pressure: PressureFeedback::of(axis, period),
             standstill: Standstill::new(axis, period),
             protection: Protection::new(axis, period, SPEED_TIME.max(period)),
             tracking: Tracking::default(),
@@ -170,6 +172,9 @@ impl AxisController {
             self.operation.requests.stop(input.sequence);
         }
         self.take_request(input);
+        if let Some(pressure) = &mut self.pressure {
+            self.fallback.damp(pressure.update(input.sample));
+        }
         let observation = self.feedback.observe(input.elapsed, input.sample, self.decision.command);
         self.take_motion(input, observation.position);
         let snapshot_flags = self.gate.take(input.sequence, input.snapshot);

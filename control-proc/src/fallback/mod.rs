@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`feedforward`] | the command of a motion that the preview shows |
 //! | [`hysteresis`] | the inverse of the valve's hysteresis |
+//! | [`pressure`] | damping of the load by the chamber pressures |
 //!
 //! ```text
 //! e(k) = y_r(k) - y(k)          v(k) = kp e(k)/q + I(k) + v_r(k) + a L(k)        I(k+1) = I(k) + ki T e(k)/q
@@ -45,13 +46,15 @@
 
 pub mod feedforward;
 pub mod hysteresis;
+pub mod pressure;
 
 use pipeline::machine::{Commissioned, Control};
 
 use feedforward::{Coming, Feedforward};
 use hysteresis::Hysteresis;
+use pressure::Damping;
 
-use crate::{load::Load, protection::limits::Limits};
+use crate::{load::Load, margins::mean_slope, protection::limits::Limits};
 
 /// Magnitude of v (command) below which the dead band is compensated only in part. With a kp of 4 1/m this is an error
 /// of 2.5 mm: some tens of encoder counts, and so well above the noise.
@@ -72,8 +75,8 @@ pub const HANDOVER: f64 = 0.2;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Memory {
     hysteresis: Hysteresis,
-    /// I.
-    integral: f64,
+    /// I at rest, of extending and of retracting.
+    integrals: [f64; 3],
     /// What is left in v of the difference to the last controller.
     offset: f64,
     /// L of extending and of retracting.
@@ -96,15 +99,21 @@ pub struct Fallback {
     feedforward: Option<Feedforward>,
     memory: Memory,
     load: Load,
+    damping: Damping,
+    /// c'_m, m/s; infinite where it is not known.
+    slope: f64,
     /// Part of this difference that is left a tick later.
     kept: f64,
+    /// Part of an I that is not in use which is left a tick later.
+    idle: f64,
 }
 
 impl Fallback {
     /// Gains and dead band from the machine file; feed-forward by `commissioned` if the file asks for it; `period` in
     /// s.
     pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
-        let model = commissioned.filter(|_| control.feedforward);
+        let model = commissioned.filter(|_| control.feedforward).map(|model| model.damped(control.pressure_damping));
+        let model = model.as_ref();
         let learning = model.filter(|_| !control.without.learning);
         let hysteresis = model.filter(|_| !control.without.hysteresis);
         Self {
@@ -118,12 +127,15 @@ impl Fallback {
             feedforward: model.map(|model| Feedforward::new(model, period)),
             memory: Memory {
                 hysteresis: Hysteresis::new(hysteresis.map_or(0.0, |model| model.hysteresis)),
-                integral: 0.0,
+                integrals: [0.0; 3],
                 offset: 0.0,
                 learned: [0.0; 2],
             },
             load: Load::USUAL,
+            damping: Damping::NONE,
+            slope: commissioned.map_or(f64::INFINITY, mean_slope),
             kept: (-period / HANDOVER).exp(),
+            idle: if control.kp > 0.0 { (-control.ki * period / control.kp).exp() } else { 0.0 },
         }
     }
 
@@ -140,6 +152,11 @@ impl Fallback {
     /// The axis bears this load from now on.
     pub fn bear(&mut self, load: Load) {
         self.load = load;
+    }
+
+    /// The pressures change this from now on.
+    pub fn damp(&mut self, damping: Damping) {
+        self.damping = damping;
     }
 
     /// Uses this part of kp and ki from now on. The command does not jump by more than the change of kp e.
@@ -159,7 +176,7 @@ impl Fallback {
 
     /// Forgets the integral and what was learned: the axis begins to follow.
     pub fn reset(&mut self) {
-        (self.memory.integral, self.memory.offset, self.memory.learned) = (0.0, 0.0, [0.0; 2]);
+        (self.memory.integrals, self.memory.offset, self.memory.learned) = ([0.0; 3], 0.0, [0.0; 2]);
         self.memory.hysteresis.reset();
     }
 
@@ -180,7 +197,7 @@ impl Fallback {
         self.memory.offset = self.uncompensated(last)
             - self.gain_at(forward) * self.kp * error
             - self.coming_opening(forward)
-            - self.memory.integral;
+            - self.memory.integrals[phase(forward)];
     }
 
     /// Another controller has sent `last` at a following error of `error` m: the integral comes to what it would have
@@ -189,21 +206,28 @@ impl Fallback {
         let part = 1.0 - (-self.ki_period / self.kp).exp();
         let needed = self.uncompensated(last) - self.gain_at(forward) * self.kp * error - self.coming_opening(forward);
         if part.is_finite() {
-            self.memory.integral = self.bounded(self.memory.integral + part * (needed - self.memory.integral));
+            let integral = self.memory.integrals[phase(forward)];
+            self.memory.integrals[phase(forward)] = self.bounded(integral + part * (needed - integral));
         }
     }
 
     /// The command for a following error of `error` m and `forward` as u_r, after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, forward: f64, last: f64) -> f64 {
-        let gain = self.gain_at(forward);
+        let (gain, part) = (self.gain_at(forward), self.part());
         let proportional = gain * self.kp * error;
-        let opening = proportional + self.memory.integral + self.memory.offset + self.coming_opening(forward);
+        let now = phase(forward);
+        let integral = self.memory.integrals[now];
+        let opening = proportional + integral + self.memory.offset + self.coming_opening(forward);
+        let opening = opening - self.damped(opening, forward);
         let wanted = self.memory.hysteresis.update(self.compensated(opening));
         self.memory.offset *= self.kept;
+        for idle in (0..3).filter(|phase| *phase != now) {
+            self.memory.integrals[idle] *= self.idle;
+        }
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
-            self.memory.integral = self.bounded(self.memory.integral + gain * self.ki_period * error);
+            self.memory.integrals[now] = self.bounded(integral + part * gain * self.ki_period * error);
             let (_, side, part) = self.moving(forward);
             let learned = self.memory.learned[side] + part * gain * self.learning * error;
             self.memory.learned[side] = learned.clamp(-MOST_LEARNED, MOST_LEARNED);
@@ -213,9 +237,25 @@ impl Fallback {
 
     /// The part of kp and ki that is in use at this u_r: 1/q of what is asked for.
     fn gain_at(&self, forward: f64) -> f64 {
+        self.part() / self.steepness(forward)
+    }
+
+    /// p.
+    fn part(&self) -> f64 {
+        self.load.gain * self.damping.gain * self.gain
+    }
+
+    /// max(1, g c'/(r c'_m)) of this u_r.
+    fn steepness(&self, forward: f64) -> f64 {
         let moving = self.feedforward.as_ref().filter(|_| forward != 0.0);
         let steepness = moving.map_or(1.0, |of| of.steepness(forward) * self.load.faster(forward));
-        self.load.gain * self.gain / (steepness / SPARED).max(1.0)
+        (steepness / SPARED).max(1.0)
+    }
+
+    /// What the pressures take off an opening at this u_r: never more than the opening, so they do not move an axis.
+    fn damped(&self, opening: f64, forward: f64) -> f64 {
+        let speed = self.load.slower * self.damping.speed;
+        (speed / (self.steepness(forward) * self.slope)).clamp(-opening.abs(), opening.abs())
     }
 
     /// v_r + a L of this u_r.
@@ -254,6 +294,11 @@ impl Fallback {
         let (low, high) = self.limits.range();
         integral.max(self.uncompensated(low)).min(self.uncompensated(high))
     }
+}
+
+/// Place of the I that is in use at this u_r.
+fn phase(forward: f64) -> usize {
+    if forward == 0.0 { 0 } else { 1 + usize::from(forward < 0.0) }
 }
 
 /// T_l of an axis with this model, s; `period` in s.
@@ -302,7 +347,7 @@ mod tests {
         let mut fallback = fallback();
         fallback.scale(0.25);
         assert!((fallback.update(0.1, 0.0, 0.18) - (0.25 * 0.4 + 0.08)).abs() < 1e-12);
-        assert!((fallback.memory.integral - 0.25 * 0.001).abs() < 1e-12);
+        assert!((fallback.memory.integrals[0] - 0.25 * 0.001).abs() < 1e-12);
     }
 
     #[test]
@@ -449,7 +494,7 @@ mod tests {
             last = fallback.update(10.0, 0.0, last);
         }
         assert_eq!(last, 1.0);
-        assert!(fallback.memory.integral.abs() < 1e-12, "{}", fallback.memory.integral);
+        assert!(fallback.memory.integrals[0].abs() < 1e-12, "{}", fallback.memory.integrals[0]);
     }
 
     proptest! {
@@ -464,12 +509,12 @@ mod tests {
                 prop_assert!((command - last).abs() < 1e-12);
                 // A second later the integral is what it would have been without taking over.
                 let mut alone = fallback.clone();
-                (alone.memory.integral, alone.memory.offset) = (0.0, 0.0);
+                (alone.memory.integrals, alone.memory.offset) = ([0.0; 3], 0.0);
                 for _ in 0..100 {
                     command = fallback.update(error, forward, command);
                     alone.update(error, forward, command);
                 }
-                let (integral, without) = (fallback.memory.integral, alone.memory.integral);
+                let [integral, without] = [fallback, alone].map(|of| of.memory.integrals[phase(forward)]);
                 prop_assert!((integral - without).abs() < 0.02, "{integral}");
             }
         }

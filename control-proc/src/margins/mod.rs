@@ -104,11 +104,14 @@ impl Loop {
     /// The loop of the law of `control`, Smith predictor or fallback, around `model` where its curve has the slope
     /// `gain` m/s per command; `period` in s. Predictive control has no linear loop.
     pub fn new(control: &Control, model: &Commissioned, gain: f64, period: f64) -> Self {
-        let controller = match &control.law {
-            Law::Smith(settings) => Controller::smith(settings, model, gain, period),
-            Law::Predictive => Controller::proportional_integral(control.kp, control.ki),
+        let (controller, plant) = match &control.law {
+            Law::Smith(settings) => (Controller::smith(settings, model, gain, period), Plant::new(model, gain, period)),
+            Law::Predictive => {
+                let damped = model.damped(control.pressure_damping);
+                (Controller::proportional_integral(control.kp, control.ki), Plant::new(&damped, gain, period))
+            }
         };
-        Self { plant: Plant::new(model, gain, period), controller, period, dead_time: model.dead_time }
+        Self { plant, controller, period, dead_time: model.dead_time }
     }
 
     /// L at a frequency in Hz, from more than 0 to half of the sampling frequency.

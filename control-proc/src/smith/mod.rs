@@ -76,7 +76,7 @@ impl Smith {
     /// By `model`, if `control` asks for it; `period` in s.
     pub fn new(control: &Control, model: &Commissioned, period: f64) -> Option<Self> {
         let Law::Smith(SmithSettings { kp, ki, observer_time }) = control.law else { return None };
-        let own = Control { kp, ki, feedforward: true, ..*control };
+        let own = Control { kp, ki, feedforward: true, pressure_damping: 0.0, ..*control };
         let law = Fallback::new(&own, Some(model), period);
         Some(Self {
             observer: Observer::new(model, observer_time, period),

@@ -177,6 +177,7 @@ impl Baseline {
                 }
             }
         }
+        let at = Control { pressure_damping: axis.control.pressure_damping, ..at };
         let stable = reduced(&at, bench.model, mean_slope(bench.model), period, Margins::is_stable);
         Some(stable.map_or(at, |(_, control)| control))
     }
@@ -189,6 +190,7 @@ impl Baseline {
             kp: 0.0,
             ki: 0.0,
             feedforward: self == Self::Feedforward,
+            pressure_damping: 0.0,
             dead_band: DeadBand { extend: part * extend, retract: part * retract },
             model: ModelChoice::None,
             law: Law::Predictive,
@@ -200,12 +202,13 @@ impl Baseline {
 /// `control` with as much of the fallback's gains as leaves [`LEAST_GAIN_MARGIN`] at the mean slope of the curve of
 /// `model`, or all where no part does, and with no more integral than `MOST_INTEGRAL` says; `period` in s.
 pub fn with_margin(control: &Control, model: &Commissioned, period: f64) -> Control {
-    let fallback = Control { law: Law::Predictive, ..*control };
-    let keeps = |margins: &Margins| margins.gain >= LEAST_GAIN_MARGIN;
     let slope = mean_slope(model);
+    let bounded = |of: &Control| Control { ki: of.ki.min(MOST_INTEGRAL * of.kp * of.kp * slope), ..*of };
+    let fallback = bounded(&Control { law: Law::Predictive, ..*control });
+    let keeps = |margins: &Margins| margins.gain >= LEAST_GAIN_MARGIN;
     let found = reduced(&fallback, model, slope, period, keeps);
-    let Control { kp, ki, .. } = found.map_or(*control, |(_, reduced)| reduced);
-    Control { kp, ki: ki.min(MOST_INTEGRAL * kp * kp * slope), ..*control }
+    let Control { kp, ki, .. } = bounded(&found.map_or(fallback, |(_, reduced)| reduced));
+    Control { kp, ki, ..*control }
 }
 
 /// `model` where its load swings most slowly, on a machine whose masses and levers change with its posture: the gain
@@ -250,6 +253,26 @@ pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Optio
     settings.filter(has_gain_margin).find(keeps_margins).filter(is_worth)
 }
 
+/// The axis as the law of `control` moves it: the fallback damps its load.
+fn moved(control: &Control, model: &Commissioned) -> Commissioned {
+    model.damped(if control.law == Law::Predictive { control.pressure_damping } else { 0.0 })
+}
+
+/// Largest zeta_p, and the least that is worth its transducers.
+const MOST_DAMPING: f64 = 0.35;
+const LEAST_DAMPING: f64 = 0.1;
+/// Largest zeta_p w t, t time from the pressures to the motion in s: more of it swings by itself, faster than the load.
+const MOST_LATE: f64 = 0.25;
+
+/// zeta_p for the fallback of an axis with this model, which measures the force of its cylinder, with a command every
+/// `period` s: 0 where the load does not swing, its mass is not known, or the valve is too slow.
+pub fn pressure_damping(model: &Commissioned, period: f64) -> f64 {
+    let late = TAU * model.natural_frequency * (model.reaction() - model.swing_delay() + 0.5 * period);
+    let found = (MOST_LATE / late).min(MOST_DAMPING);
+    let helps = model.natural_frequency > 0.0 && model.mass.is_finite() && found >= LEAST_DAMPING;
+    if helps { found } else { 0.0 }
+}
+
 /// What is tried: the fallback, or a Smith predictor on the commissioned model.
 enum Tried {
     Fallback(Box<Fallback>),
@@ -281,7 +304,8 @@ impl Tried {
 /// counts.
 pub fn step_response(control: &Control, model: &Commissioned, period: f64, step: f64, ticks: usize) -> Vec<f64> {
     let substeps = (period / LONGEST_STEP).ceil().max(1.0);
-    let mut axis = SimulatedAxis::of(model, period / substeps);
+    let plant = moved(control, model);
+    let mut axis = SimulatedAxis::of(&plant, period / substeps);
     let mut tried = Tried::new(control, model, period);
     let mut command = 0.0;
     let tick = |_| {

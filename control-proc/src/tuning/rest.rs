@@ -75,7 +75,7 @@ impl RestLoop<'_> {
     /// Whether the loop swings with `gain` times the gain of the plant and `late` s more of dead time.
     fn swings(&self, gain: f64, late: f64) -> bool {
         let Self { control, model, resolution, period } = *self;
-        let plant = Commissioned { dead_time: model.dead_time + late, ..model.clone() };
+        let plant = Commissioned { dead_time: model.dead_time + late, ..super::moved(control, model) };
         let substeps = (period / LONGEST_STEP).ceil().max(1.0);
         let mut axis = SimulatedAxis::of(&plant, period / substeps).with_gain(gain);
         let mut tried = Tried::new(control, model, period);

@@ -53,7 +53,8 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commis
         machine.escape_default()
     );
     for (Axis { name, hardware, .. }, model, control) in found {
-        if let Some(Control { kp, ki, feedforward, dead_band: DeadBand { extend, retract }, law, .. }) = control {
+        if let Some(control) = control {
+            let Control { kp, ki, feedforward, dead_band: DeadBand { extend, retract }, law, .. } = control;
             // A key that is not written would stay what it is in the machine file.
             let (more, chosen) = match law {
                 Law::Smith(SmithSettings { kp, ki, observer_time }) => (
@@ -67,11 +68,13 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commis
                     (String::new(), "model = \"none\"    # the fallback follows as well as a model would\n".to_owned())
                 }
             };
+            let damping = Some(control.pressure_damping).filter(|more| *more > 0.0);
+            let damping = damping.map_or_else(String::new, |more| format!("pressure_damping = {more:?}\n"));
             // Writing to a string cannot fail.
             let _ = write!(
                 text,
                 "\n[axis.{name}.identification]\nestimator = \"grey-box\"    # its speeds and its lag are adapted\n\
-                 {more}\n[axis.{name}.control]\nkp = {kp:?}\nki = {ki:?}\nfeedforward = {feedforward}\n\
+                 {more}\n[axis.{name}.control]\nkp = {kp:?}\nki = {ki:?}\nfeedforward = {feedforward}\n{damping}\
                  dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n{chosen}"
             );
         }

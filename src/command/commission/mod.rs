@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use control_proc::{
     commission::{ExperimentOptions, ExperimentRecord, Phase},
-    tuning::{Baseline, LEAST_FIT, is_poor, smith, softest, with_margin},
+    tuning::{Baseline, LEAST_FIT, is_poor, pressure_damping, smith, softest, with_margin},
 };
 use pipeline::{
     channel::{Prefix, remove_leftovers},
@@ -215,12 +215,14 @@ pub fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Co
         return None;
     }
     let period = machine.timing.period.as_secs_f64();
-    let axis = Axis { commissioned: Some(model.clone()), ..machine.axes[index].clone() };
+    let mut axis = Axis { commissioned: Some(model.clone()), ..machine.axes[index].clone() };
+    let measures_force = axis.pressure.is_some() && axis.plant.is_some();
+    axis.control.pressure_damping = if measures_force { pressure_damping(model, period) } else { 0.0 };
     // Feed-forward must not look further ahead than the longest preview.
     let is_near = model.reaction() <= MAX_DELAY as f64 * period;
     let baseline = if is_near { Baseline::Feedforward } else { Baseline::DeadBand };
     let control = baseline.tuned(index, &axis, period)?;
-    let law = if is_near { smith(index, &axis, &control, period) } else { None };
+    let law = if is_near && control.pressure_damping == 0.0 { smith(index, &axis, &control, period) } else { None };
     let control = Control { law: law.map_or(Law::Predictive, Law::Smith), ..control };
     let softest = machine.mechanism.map(|_| softest(model));
     Some(with_margin(&control, softest.as_ref().unwrap_or(model), period))

@@ -8,6 +8,10 @@ const NEUTRAL_PART: f64 = 0.1;
 const SHORTEST: f64 = 0.1;
 /// Range of the steps' lengths, s.
 const LENGTH_RANGE: f64 = 0.7;
+/// Part of the other steps that are long, and their length, s: what a pump that has to raise its pressure keeps of a
+/// motion shows in them alone.
+const LONG_PART: f64 = 0.2;
+const LONG: f64 = 2.5;
 /// Wait at neutral where both directions would leave the window, s.
 const WAIT: f64 = 0.1;
 
@@ -36,8 +40,9 @@ impl Experiment {
         let low = self.closed(side);
         let high = direction.last().map_or(direction.moving, |stroke| stroke.level);
         let is_neutral = self.random.uniform() < NEUTRAL_PART;
+        let is_long = !is_neutral && self.random.uniform() < LONG_PART;
         let level = if is_neutral { 0.0 } else { low + (high - low) * self.random.uniform() };
-        let seconds = SHORTEST + LENGTH_RANGE * self.random.uniform();
+        let seconds = if is_long { LONG } else { SHORTEST + LENGTH_RANGE * self.random.uniform() };
         let length = self.ticks(seconds) + self.rise();
         self.step = Step { ramp: self.ramp(side, level), ..Step::begin(position, signed(side, level), length) };
     }

@@ -22,6 +22,9 @@ pub struct Control {
     pub ki: f64,
     /// Whether the fallback adds velocity feed-forward by the commissioned model.
     pub feedforward: bool,
+    /// zeta_p: by how much the fallback makes the damping ratio of the load's swing greater, by the chamber pressures; 0
+    /// where it does not.
+    pub pressure_damping: f64,
     /// Dead band of the valve that the fallback compensates.
     pub dead_band: DeadBand,
     /// Largest magnitude of a command.
@@ -61,6 +64,8 @@ pub struct FallbackWithout {
     pub learning: bool,
     /// The load in the feed-forward, and gains by the mass that moves.
     pub load: bool,
+    /// The damping by chamber pressures.
+    pub damping: bool,
 }
 
 /// Part of `max_speed` that is drift: a worn telescope under load has 1.5 %.
@@ -71,6 +76,8 @@ pub(super) struct Owner<'a> {
     /// Name of the axis.
     pub name: &'a str,
     pub commissioned: Option<&'a Commissioned>,
+    /// Whether pressures of both chambers are measured, and the areas of the piston are known.
+    pub has_forces: bool,
     /// `max_speed`, m/s.
     pub max_speed: f64,
     /// Length of one count of the encoder, m; NaN where it is not known yet.
@@ -111,7 +118,7 @@ pub enum ModelChoice {
 
 impl Control {
     pub(super) fn read(mut section: Section, owner: &Owner) -> Self {
-        let Owner { name, commissioned, max_speed, resolution, period } = *owner;
+        let Owner { name, commissioned, max_speed, resolution, period, .. } = *owner;
         let dead_band = read_dead_band(&mut section, commissioned);
         let models =
             [("adaptive", ModelChoice::Adaptive), ("classical", ModelChoice::Classical), ("none", ModelChoice::None)];
@@ -119,6 +126,7 @@ impl Control {
             kp: section.key("kp", "Proportional gain of the fallback").number(0.0..=1e4, "1/m"),
             ki: section.key("ki", "Integral gain of the fallback").number(0.0..=1e5, "1/(m s)"),
             feedforward: read_feedforward(&mut section, name, commissioned, period),
+            pressure_damping: read_pressure_damping(&mut section, owner),
             dead_band,
             command_limit: section.key("command_limit", "Largest magnitude of a command").number(1e-3..=1.0, ""),
             command_rate: section.key("command_rate", "Fastest change of a command").number(1e-3..=1e4, "1/s"),
@@ -156,6 +164,25 @@ impl Control {
         section.finish();
         control
     }
+}
+
+/// `pressure_damping`, which needs the force of the cylinder, and the swing and the mass of a commissioned model.
+fn read_pressure_damping(section: &mut Section, owner: &Owner) -> f64 {
+    let meaning =
+        "By how much the fallback makes the damping ratio of the load's swing greater, by the chamber pressures";
+    let more = section.key("pressure_damping", meaning).number_or(0.0, 0.0..=1.0, "");
+    let Owner { name, commissioned, has_forces, .. } = *owner;
+    let swings = commissioned.is_some_and(|model| model.natural_frequency > 0.0 && model.mass.is_finite());
+    let lacking = match (has_forces, swings) {
+        (true, true) => return more,
+        (false, _) => format!("[axis.{name}.pressure] and the areas of [axis.{name}.plant]"),
+        (true, false) => format!("natural_frequency and mass of [axis.{name}.commissioned]"),
+    };
+    if more > 0.0 {
+        let allowed = format!("0 without {lacking}; the gains of its model file swing then: commission anew");
+        section.refuse("pressure_damping", more.to_string(), allowed);
+    }
+    0.0
 }
 
 /// The dead band that the fallback compensates; its default is a part of the commissioned one.

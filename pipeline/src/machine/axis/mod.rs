@@ -152,7 +152,8 @@ impl Axis {
         let identification =
             Identification::read(section.section("identification"), name, model, shared.timing.period, shared.fuzzy);
         let period = shared.timing.period;
-        let owner = Owner { name, commissioned: model, max_speed, resolution: encoder.resolution, period };
+        let has_forces = pressure.is_some() && section.is_present("plant");
+        let owner = Owner { name, commissioned: model, has_forces, max_speed, resolution: encoder.resolution, period };
         let control = Control::read(section.section("control"), &owner);
         let limits = Limits { soft_limits, max_speed };
         let reference = ReferenceSource::read(section.section("reference"), limits, shared.folder, name);

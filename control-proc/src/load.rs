@@ -21,24 +21,26 @@ use crate::{
     payload::carrying,
 };
 
-/// Step of r at which p is known, and number of these steps: up to 16 times the mass of the commissioning.
+/// Step of r at which p is known, and number of these steps: down to a sixth of the frequency of the commissioning.
 const STEP: f64 = 0.05;
-const STEPS: usize = 15;
+const STEPS: usize = 17;
+/// g from which on the oil of one chamber alone carries the load.
+const EMPTIED: f64 = 1.2;
 
 /// What the load does to one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load {
     /// g of extending and of retracting.
     pub faster: [f64; 2],
-    /// p.
-    pub gain: f64,
-    /// r.
-    pub slower: f64,
+    /// p at rest, of extending and of retracting.
+    pub gain: [f64; 3],
+    /// By how much a pressure counts more in the damping of the swing, in the same order.
+    pub damping: [f64; 3],
 }
 
 impl Load {
     /// An axis whose load is not known, or is that of its commissioning.
-    pub const USUAL: Self = Self { faster: [1.0; 2], gain: 1.0, slower: 1.0 };
+    pub const USUAL: Self = Self { faster: [1.0; 2], gain: [1.0; 3], damping: [1.0; 3] };
 
     /// g of a motion in this direction.
     pub fn faster(&self, direction: f64) -> f64 {
@@ -59,25 +61,77 @@ struct Commissioning {
     mass: f64,
     /// p at r = 1, 1 - STEP, ..
     parts: [f64; STEPS + 1],
+    /// None where areas and volumes are not known.
+    chambers: Option<Chambers>,
+}
+
+/// The chambers of a cylinder: piston side and rod side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Chambers {
+    /// m2.
+    areas: [f64; 2],
+    /// Volumes without the stroke, m3.
+    dead: [f64; 2],
+    /// m.
+    stroke: f64,
+}
+
+impl Chambers {
+    fn of(axis: &Axis) -> Option<Self> {
+        let plant = axis.plant.as_ref()?;
+        Some(Self {
+            areas: [plant.piston_area, plant.rod_area],
+            dead: [
+                plant.piston_dead_volume + plant.ports.piston_hose_volume,
+                plant.rod_dead_volume + plant.ports.rod_hose_volume,
+            ],
+            stroke: axis.stroke,
+        })
+    }
+
+    /// Root of the part of the stiffness that the oil has which an extending and a retracting axis drains, at
+    /// `position` m.
+    fn left(&self, position: f64) -> [f64; 2] {
+        let ways = [position.clamp(0.0, self.stroke), (self.stroke - position).clamp(0.0, self.stroke)];
+        let stiff: [f64; 2] = std::array::from_fn(|i| {
+            let volume = self.dead[i] + self.areas[i] * ways[i];
+            self.areas[i] * self.areas[i] / volume
+        });
+        let sum = stiff[0] + stiff[1];
+        [(stiff[1] / sum).sqrt(), (stiff[0] / sum).sqrt()]
+    }
 }
 
 impl Commissioning {
     /// An axis of which nothing is known.
-    const NONE: Self = Self { overrun: Overrun::NONE, mass: f64::INFINITY, parts: [1.0; STEPS + 1] };
+    const NONE: Self = Self { overrun: Overrun::NONE, mass: f64::INFINITY, parts: [1.0; STEPS + 1], chambers: None };
 
     fn of(axis: &Axis, period: f64) -> Self {
         let Some(model) = axis.commissioned.as_ref().filter(|_| !axis.control.without.load) else { return Self::NONE };
-        Self { overrun: model.overrun, mass: model.mass, parts: parts(&axis.control, model, period) }
+        let parts = parts(&axis.control, model, period);
+        Self { overrun: model.overrun, mass: model.mass, parts, chambers: Chambers::of(axis) }
     }
 
-    /// r.
-    fn slower(&self, mass: f64) -> f64 {
-        (self.mass / mass).sqrt().min(1.0)
+    /// What a load of this force (N) and mass (kg) does with the cylinder at `position` m.
+    fn load(&self, force: f64, mass: f64, position: f64) -> Load {
+        let faster = self.overrun.factors(force);
+        let lighter = (self.mass / mass).sqrt().min(1.0);
+        let left = self.chambers.map_or([1.0; 2], |chambers| chambers.left(position));
+        let softer = [0, 1].map(|side| {
+            let emptied = ((faster[side] - 1.0) / (EMPTIED - 1.0)).clamp(0.0, 1.0);
+            1.0 + emptied * (left[side] - 1.0)
+        });
+        let softer = [1.0, softer[0], softer[1]];
+        Load {
+            faster,
+            gain: softer.map(|softer| self.part(lighter * softer)),
+            damping: softer.map(|softer| lighter / softer),
+        }
     }
 
-    /// p.
-    fn part(&self, mass: f64) -> f64 {
-        let steps = (1.0 - self.slower(mass)) / STEP;
+    /// p of this r.
+    fn part(&self, r: f64) -> f64 {
+        let steps = (1.0 - r) / STEP;
         let (whole, rest) = ((steps as usize).min(STEPS), steps.fract());
         let next = self.parts[(whole + 1).min(STEPS)];
         self.parts[whole] + rest * (next - self.parts[whole])
@@ -136,11 +190,7 @@ impl Loads {
     /// the machine file says.
     pub fn at(&self, positions: &[f64; AXES], payload: Option<f64>) -> [Load; AXES] {
         let CylinderDynamics { mass, load } = self.dynamics(positions, payload);
-        std::array::from_fn(|i| Load {
-            faster: self.axes[i].overrun.factors(load[i]),
-            gain: self.axes[i].part(mass[i][i]),
-            slower: self.axes[i].slower(mass[i][i]),
-        })
+        std::array::from_fn(|i| self.axes[i].load(load[i], mass[i][i], positions[i]))
     }
 
     /// Both force and mass are linear in the payload.

@@ -214,7 +214,7 @@ impl Fallback {
     /// The command for a following error of `error` m and `forward` as u_r, after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, forward: f64, last: f64) -> f64 {
-        let (gain, part) = (self.gain_at(forward), self.part());
+        let (gain, part) = (self.gain_at(forward), self.part(forward));
         let proportional = gain * self.kp * error;
         let now = phase(forward);
         let integral = self.memory.integrals[now];
@@ -237,12 +237,12 @@ impl Fallback {
 
     /// The part of kp and ki that is in use at this u_r: 1/q of what is asked for.
     fn gain_at(&self, forward: f64) -> f64 {
-        self.part() / self.steepness(forward)
+        self.part(forward) / self.steepness(forward)
     }
 
     /// p.
-    fn part(&self) -> f64 {
-        self.load.gain * self.damping.gain * self.gain
+    fn part(&self, forward: f64) -> f64 {
+        self.load.gain[phase(forward)] * self.damping.gain * self.gain
     }
 
     /// max(1, g c'/(r c'_m)) of this u_r.
@@ -254,7 +254,7 @@ impl Fallback {
 
     /// What the pressures take off an opening at this u_r: never more than the opening, so they do not move an axis.
     fn damped(&self, opening: f64, forward: f64) -> f64 {
-        let speed = self.load.slower * self.damping.speed;
+        let speed = self.load.damping[phase(forward)] * self.damping.speed;
         (speed / (self.steepness(forward) * self.slope)).clamp(-opening.abs(), opening.abs())
     }
 
@@ -372,7 +372,11 @@ mod tests {
             fallback.bear(load);
             fallback.update(error, fallback.forward(&targets), 0.0)
         };
-        let loads = [Load::USUAL, Load { faster: [2.0, 1.0], gain: 1.0 }, Load { faster: [1.0, 2.0], gain: 0.5 }];
+        let loads = [
+            Load::USUAL,
+            Load { faster: [2.0, 1.0], ..Load::USUAL },
+            Load { faster: [1.0, 2.0], gain: [0.5; 3], ..Load::USUAL },
+        ];
         let speeds = loads.map(|load| model.speed(command(load, 0.0)));
         for (speed, expected) in speeds.into_iter().zip([0.2, 0.1, 0.2]) {
             assert!((speed - expected).abs() < 1e-9, "{speeds:?}");

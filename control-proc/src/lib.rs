@@ -13,6 +13,7 @@
 //! | [`smith`] | Smith predictor on the commissioned model, with the adapted curve |
 //! | [`fallback`] | PI controller with dead-band compensation and feed-forward |
 //! | [`standstill`] | rest at the set point, and the last millimetres to it |
+//! | `cylinder` | force of a cylinder, and how stiff its oil is |
 //! | [`payload`] | what the bucket carries, by the chamber pressures |
 //! | [`load`] | what the loads of a mechanism do to speeds and gains |
 //! | [`protection`] | limits of the command, soft end stops, following error, motion |
@@ -35,6 +36,7 @@
 pub mod axis;
 pub mod commission;
 pub mod controller;
+mod cylinder;
 pub mod fallback;
 pub mod load;
 pub mod model;

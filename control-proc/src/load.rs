@@ -1,7 +1,8 @@
 //! What the loads of the axes do to their speeds and swings, by the mechanism and the payload of the machine file.
 //!
 //! ```text
-//! g_i = max(1, sqrt(P_i / P_0i))          r_i = min(1, sqrt(m_i / M_ii))          p_i = min(1, G_i(r_i) / G_i(1))
+//! g_i = max(1, sqrt(P_i / P_0i))          r_i = s_i min(1, sqrt(m_i / M_ii))          p_i = min(1, G_i(r_i) / G_i(1))
+//! s_i = root of the part of the stiffness that the drained chamber has where g_i > 1, else 1        n_i = r_i / s_i^2
 //! ```
 //!
 //! P_i force with which the load pulls in the direction of the motion, N, at rest and with the payload of the machine
@@ -9,7 +10,9 @@
 //! cylinders and m_i M_ii at the commissioning of the axis, kg; G(r) gain margin of the fallback whose load swings at r
 //! times the frequency of the commissioning. The same command moves the axis g times as fast. A greater mass swings
 //! slower on its spring of oil, and the gains are p times as large as those of the machine file, so that the margin
-//! stays. An axis of which no swing was found keeps its gains.
+//! stays. A load that overruns its axis empties the chamber that is filled, and hangs on the oil of the other one alone
+//! ([`Cylinder::left`]). An axis of which no swing was found keeps its gains. With pressure feedback a newton counts n
+//! times as much, so that the damping ratio stays.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -17,6 +20,7 @@ use mechanism::{AXES, CylinderDynamics, PreparedMechanism, Vector};
 use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Overrun};
 
 use crate::{
+    cylinder::Cylinder,
     margins::{Loop, mean_slope},
     payload::carrying,
 };
@@ -62,61 +66,26 @@ struct Commissioning {
     /// p at r = 1, 1 - STEP, ..
     parts: [f64; STEPS + 1],
     /// None where areas and volumes are not known.
-    chambers: Option<Chambers>,
-}
-
-/// The chambers of a cylinder: piston side and rod side.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Chambers {
-    /// m2.
-    areas: [f64; 2],
-    /// Volumes without the stroke, m3.
-    dead: [f64; 2],
-    /// m.
-    stroke: f64,
-}
-
-impl Chambers {
-    fn of(axis: &Axis) -> Option<Self> {
-        let plant = axis.plant.as_ref()?;
-        Some(Self {
-            areas: [plant.piston_area, plant.rod_area],
-            dead: [
-                plant.piston_dead_volume + plant.ports.piston_hose_volume,
-                plant.rod_dead_volume + plant.ports.rod_hose_volume,
-            ],
-            stroke: axis.stroke,
-        })
-    }
-
-    /// Root of the part of the stiffness that the oil has which an extending and a retracting axis drains, at
-    /// `position` m.
-    fn left(&self, position: f64) -> [f64; 2] {
-        let ways = [position.clamp(0.0, self.stroke), (self.stroke - position).clamp(0.0, self.stroke)];
-        let stiff: [f64; 2] = std::array::from_fn(|i| {
-            let volume = self.dead[i] + self.areas[i] * ways[i];
-            self.areas[i] * self.areas[i] / volume
-        });
-        let sum = stiff[0] + stiff[1];
-        [(stiff[1] / sum).sqrt(), (stiff[0] / sum).sqrt()]
-    }
+    cylinder: Option<Cylinder>,
 }
 
 impl Commissioning {
     /// An axis of which nothing is known.
-    const NONE: Self = Self { overrun: Overrun::NONE, mass: f64::INFINITY, parts: [1.0; STEPS + 1], chambers: None };
+    const NONE: Self = Self { overrun: Overrun::NONE, mass: f64::INFINITY, parts: [1.0; STEPS + 1], cylinder: None };
 
     fn of(axis: &Axis, period: f64) -> Self {
         let Some(model) = axis.commissioned.as_ref().filter(|_| !axis.control.without.load) else { return Self::NONE };
         let parts = parts(&axis.control, model, period);
-        Self { overrun: model.overrun, mass: model.mass, parts, chambers: Chambers::of(axis) }
+        // A load that does not swing does not swing more slowly.
+        let mass = if model.natural_frequency > 0.0 { model.mass } else { f64::INFINITY };
+        Self { overrun: model.overrun, mass, parts, cylinder: Cylinder::of(axis) }
     }
 
     /// What a load of this force (N) and mass (kg) does with the cylinder at `position` m.
     fn load(&self, force: f64, mass: f64, position: f64) -> Load {
         let faster = self.overrun.factors(force);
         let lighter = (self.mass / mass).sqrt().min(1.0);
-        let left = self.chambers.map_or([1.0; 2], |chambers| chambers.left(position));
+        let left = self.cylinder.map_or([1.0; 2], |cylinder| cylinder.left(position));
         let softer = [0, 1].map(|side| {
             let emptied = ((faster[side] - 1.0) / (EMPTIED - 1.0)).clamp(0.0, 1.0);
             1.0 + emptied * (left[side] - 1.0)
@@ -246,8 +215,13 @@ mod tests {
         assert!(empty.faster[0] > 1.2 && loaded.faster[0] > 1.4 * empty.faster[0], "{empty:?} {loaded:?}");
         assert_eq!(loaded.faster[1], 1.0);
         assert_eq!((loaded.faster(0.1), loaded.faster(-0.1)), (loaded.faster[0], 1.0));
-        assert!(empty.gain < 1.0 && loaded.gain < 0.8 * empty.gain && loaded.gain > 0.2, "{empty:?} {loaded:?}");
-        assert_eq!(at(1500.0, 0.0).gain, 1.0, "no swing was found");
+        let (light, heavy) = (empty.gain[0], loaded.gain[0]);
+        assert!(light < 1.0 && heavy < 0.8 * light && heavy > 0.2, "{empty:?} {loaded:?}");
+        assert_eq!(at(1500.0, 0.0).gain, [1.0; 3], "no swing was found");
+        // It falls inwards on its rod side alone.
+        assert!(loaded.gain[1] < 0.8 * heavy && loaded.gain[2] == heavy, "{loaded:?}");
+        assert!(loaded.damping[1] > 1.5 * loaded.damping[0] && loaded.damping[0] < 1.0, "{loaded:?}");
+        assert_eq!(loaded.damping[0], loaded.damping[2]);
     }
 
     #[test]

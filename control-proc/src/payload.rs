@@ -24,6 +24,8 @@ use pipeline::{
     message::EncoderSample,
 };
 
+use crate::cylinder::Cylinder;
+
 /// tau, s.
 const TIME: f64 = 1.0;
 /// Root of the least <sum l^2> of which a mass is told, N/kg: twice what it weighs.
@@ -32,15 +34,6 @@ const LEAST_LEVER: f64 = 20.0;
 const AT_END: f64 = 5e-3;
 /// Mass by which l is measured, kg.
 const PROBE: f64 = 1e3;
-
-/// A cylinder with transducers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Cylinder {
-    /// A_1 and A_2, m2.
-    areas: [f64; 2],
-    /// Positions between which its pressures bear the load, m.
-    free: (f64, f64),
-}
 
 /// Sums over the axes, each with what an empty bucket gives and what a kilogram in it adds.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -75,7 +68,7 @@ impl Payload {
         Some(Self {
             empty: carrying(mechanism, 0.0),
             probed: carrying(mechanism, PROBE),
-            cylinders: axes.each_ref().map(Cylinder::of),
+            cylinders: axes.each_ref().map(|axis| Cylinder::of(axis).filter(|_| axis.pressure.is_some())),
             heaviest,
             new: 1.0 - (-machine.timing.period.as_secs_f64() / TIME).exp(),
             filtered: None,
@@ -111,10 +104,9 @@ impl Payload {
         let probed = self.probed.dynamics(&pose, speeds, Vector::default());
         let mut sums = Sums::default();
         for (i, cylinder) in self.cylinders.iter().enumerate() {
-            let readings = cylinder.zip(sample.axes[i].pressures());
-            let Some(force) = readings.and_then(|(cylinder, pressures)| cylinder.force(positions[i], pressures)) else {
-                continue;
-            };
+            let cylinder = cylinder.filter(|cylinder| cylinder.is_free(positions[i], AT_END));
+            let Some((cylinder, pressures)) = cylinder.zip(sample.axes[i].pressures()) else { continue };
+            let force = cylinder.force(pressures);
             let lever = (probed.load[i] - empty.load[i]) / PROBE;
             sums.held[0] += lever * (force - empty.load[i]);
             sums.held[1] += lever * lever;
@@ -126,20 +118,6 @@ impl Payload {
         }
         let [force, momentum] = [sums.held[0], sums.momentum[0]];
         (sums.held[1] > 0.0 && force.is_finite() && momentum.is_finite()).then_some(sums)
-    }
-}
-
-impl Cylinder {
-    /// Of an axis with transducers and known areas.
-    fn of(axis: &Axis) -> Option<Self> {
-        let plant = axis.plant.as_ref().filter(|_| axis.pressure.is_some())?;
-        Some(Self { areas: [plant.piston_area, plant.rod_area], free: (AT_END, axis.stroke - AT_END) })
-    }
-
-    /// f, N; none at an end stop.
-    fn force(&self, position: f64, (piston, rod): (f64, f64)) -> Option<f64> {
-        let is_free = self.free.0 < position && position < self.free.1;
-        is_free.then(|| piston * self.areas[0] - rod * self.areas[1])
     }
 }
 

@@ -7,8 +7,8 @@
 //! | [`pressure`] | damping of the load by the chamber pressures |
 //!
 //! ```text
-//! e(k) = y_r(k) - y(k)          v(k) = kp e(k)/q + I(k) + v_r(k) + a L(k)        I(k+1) = I(k) + ki T e(k)/q
-//! u(k) = H(C(v))       C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
+//! e(k) = y_r(k) - y(k)          v(k) = kp e(k)/q + I(k) + v_r(k) + a L(k)        I(k+1) = I(k) + p ki T e(k)/q
+//! u(k) = H(C(v - v_p))          C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
 //! v_r  = C^-1(u_r)                          0 without feed-forward
 //! q    = max(1, g c'(u_r)/(r c'_m)) / p      1 / p at rest and without feed-forward
 //! L(k+1) = L(k) + a kp e(k) T/(q T_l)  |L| <= L_max      a = min(|v_r| / w, 1)      T_l = 24 (t_d + tau + T)
@@ -20,6 +20,10 @@
 //! identifier is trained, and takes over whenever the model may not be used. Source: the usual loop of mobile
 //! hydraulics.
 //!
+//! I is one of three: at rest, where u_r is 0, extending, and retracting. What an axis needed against its dead band at
+//! rest is wrong in the motion that follows, and what a motion needed pushes the axis on when it stands. One that is not
+//! in use fades with its own time, kp/ki. v_p is what the [`pressure`] feedback takes off, |v_p| <= |v|.
+//!
 //! L is what the feed-forward lacks, one number for each direction: a commissioned curve is least exact where it
 //! begins, and dead bands drift. It is learned while the reference moves and acts only then, so that at rest, where an
 //! integral makes an axis with a dead band cycle, the loop is the one without it. T_l is so long that the margins of
@@ -27,8 +31,8 @@
 //!
 //! q keeps the margins of the loop while the axis moves: they hold for the mean slope c'_m of the static curve c, and
 //! the curve of a pilot-operated valve is an S, in its middle much steeper. r is [`SPARED`]: of a straight curve with
-//! two speeds the faster direction keeps its gains. g is by how much the load
-//! makes the axis faster, and p the part of the gains that it leaves ([`Load`]).
+//! two speeds the faster direction keeps its gains. g is by how much the load makes the axis faster, and p the part of
+//! the gains that it leaves ([`Load`]); ki has p twice, so that the loop of a smaller kp has the same damping.
 //!
 //! Feedback and feed-forward are added as openings, so the dead band is jumped once, by their sum. Without an error the
 //! command is exactly u_r. But for q the gains have the same meaning with and without feed-forward.
@@ -112,7 +116,8 @@ impl Fallback {
     /// Gains and dead band from the machine file; feed-forward by `commissioned` if the file asks for it; `period` in
     /// s.
     pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
-        let model = commissioned.filter(|_| control.feedforward).map(|model| model.damped(control.pressure_damping));
+        let damping = if control.without.damping { 0.0 } else { control.pressure_damping };
+        let model = commissioned.filter(|_| control.feedforward).map(|model| model.damped(damping));
         let model = model.as_ref();
         let learning = model.filter(|_| !control.without.learning);
         let hysteresis = model.filter(|_| !control.without.hysteresis);
@@ -335,7 +340,7 @@ mod tests {
         let (mut whole, mut half) = (fallback(), fallback());
         half.scale(0.5);
         assert!((half.update(0.05, 0.0, 0.18) - (0.1 + 0.08)).abs() < 1e-12);
-        assert!((half.update(0.05, 0.0, 0.18) - (0.1 + 0.00025 + 0.08)).abs() < 1e-12);
+        assert!((half.update(0.05, 0.0, 0.18) - (0.1 + 0.000125 + 0.08)).abs() < 1e-12);
         half.reset();
         half.scale(1.0);
         assert_eq!(half, whole);
@@ -347,7 +352,7 @@ mod tests {
         let mut fallback = fallback();
         fallback.scale(0.25);
         assert!((fallback.update(0.1, 0.0, 0.18) - (0.25 * 0.4 + 0.08)).abs() < 1e-12);
-        assert!((fallback.memory.integrals[0] - 0.25 * 0.001).abs() < 1e-12);
+        assert!((fallback.memory.integrals[0] - 0.25 * 0.25 * 0.001).abs() < 1e-12, "so that its poles stay equal");
     }
 
     #[test]
@@ -383,6 +388,45 @@ mod tests {
         }
         let slopes = loads.map(|load| command(load, 0.01) - command(load, 0.0));
         assert!(slopes[1] < 0.9 * slopes[0] && (slopes[2] / slopes[0] - 0.5).abs() < 1e-9, "{slopes:?}");
+    }
+
+    #[test]
+    fn pressures_change_an_opening_by_itself_at_most_and_move_no_axis() {
+        let with = Control { command_rate: 1e4, ki: 0.0, ..crate::tests::machine(1).axes[0].control };
+        let command = |speed: f64, error: f64| {
+            let mut fallback = Fallback::new(&with, Some(&commissioned()), 0.01);
+            fallback.damp(Damping { speed, gain: 1.0 });
+            fallback.update(error, 0.0, 0.0)
+        };
+        // kp 4, dead band 0.08; the curve has a mean slope of 1 m/s.
+        let slope = mean_slope(&commissioned());
+        assert!((command(0.05 * slope, 0.05) - (0.15 + 0.08)).abs() < 1e-12);
+        assert!((command(-0.05 * slope, 0.05) - (0.25 + 0.08)).abs() < 1e-12);
+        for swing in [-10.0, 10.0] {
+            assert_eq!(command(swing, 0.0), 0.0);
+        }
+        assert_eq!(command(10.0, 0.05), 0.0);
+        assert!((command(-10.0, 0.05) - (0.4 + 0.08)).abs() < 1e-12);
+        assert_eq!(command(-10.0, -0.05), 0.0);
+    }
+
+    /// A long error at rest asks for the other direction than the motion that follows.
+    #[test]
+    fn what_was_needed_at_rest_does_not_act_in_motion_and_fades_there() {
+        let with = Control { feedforward: true, command_rate: 1e4, ..crate::tests::machine(1).axes[0].control };
+        let mut fallback = Fallback::new(&with, Some(&commissioned()), 0.01);
+        for _ in 0..300 {
+            fallback.update(-0.01, 0.0, -0.2);
+        }
+        assert!((fallback.memory.integrals[0] + 0.03).abs() < 1e-9, "{:?}", fallback.memory);
+        let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| 1e-3 * k as f64).collect();
+        let forward = fallback.forward(&targets);
+        assert!((fallback.update(0.0, forward, forward) - forward).abs() < 1e-12);
+        // ki/kp is 0.25 1/s: after 4 s a third is left.
+        for _ in 1..400 {
+            fallback.update(0.0, forward, forward);
+        }
+        assert!((fallback.memory.integrals[0] + 0.03 * (-1.0f64).exp()).abs() < 1e-4, "{:?}", fallback.memory);
     }
 
     /// The valve needs 0.04 more than its model says to extend, and 0.02 less to retract.

@@ -19,6 +19,8 @@ struct Ideal {
     failed: Option<usize>,
     /// How far the bucket drifts from its reference within 1 s, m: slowly enough for an axis at rest.
     beside: f64,
+    /// Amplitude with which the bucket swings about its reference once in a second, m.
+    swing: f64,
 }
 
 impl Ideal {
@@ -39,7 +41,8 @@ impl Ideal {
         let plan = TipPlan::of(&machine).unwrap().unwrap();
         let first: Vec<f64> = (0..AXES).map(|axis| plan.points(axis)[0].1).collect();
         let positions = std::array::from_fn(|i| first[i] + 0.02 * (i as f64 - 1.0));
-        Self { controller: Controller::new(&machine).unwrap(), plan, positions, sequence: 0, failed: None, beside: 0.0 }
+        let controller = Controller::new(&machine).unwrap();
+        Self { controller, plan, positions, sequence: 0, failed: None, beside: 0.0, swing: 0.0 }
     }
 
     fn tick(&mut self) -> ValveCommand {
@@ -52,6 +55,7 @@ impl Ideal {
             *position = axis.reference;
         }
         self.positions[3] -= self.beside * (self.sequence as f64 / 100.0).min(1.0);
+        self.positions[3] += self.swing * (0.02 * std::f64::consts::PI * self.sequence as f64).sin();
         self.sequence += 1;
         command
     }
@@ -99,6 +103,20 @@ fn an_axis_that_comes_no_closer_begins_late_and_one_that_is_far_away_never() {
         assert!((450..=550).contains(&(late - in_time)), "{beside} m: {late} and {in_time} ticks");
     }
     assert_eq!(waited(10.5e-3), 1000);
+}
+
+#[test]
+fn an_axis_that_passes_the_begin_of_the_way_has_not_come_to_it() {
+    let waited = |swing: f64| {
+        let mut ideal = Ideal { swing, ..Ideal::new() };
+        ideal.controller.arm();
+        ideal.await_way()
+    };
+    let still = waited(0.0);
+    assert!(waited(1e-3) < still + 50);
+    // At 19 mm/s through the middle, and more than 2 mm away at its ends.
+    let late = waited(3e-3);
+    assert!((450..=550).contains(&(late - still)), "{late} and {still} ticks");
 }
 
 #[test]

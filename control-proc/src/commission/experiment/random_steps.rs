@@ -8,10 +8,12 @@ const NEUTRAL_PART: f64 = 0.1;
 const SHORTEST: f64 = 0.1;
 /// Range of the steps' lengths, s.
 const LENGTH_RANGE: f64 = 0.7;
-/// Part of the other steps that are long, and their length, s: what a pump that has to raise its pressure keeps of a
-/// motion shows in them alone.
+/// Part of the other steps of a fast valve that are long, and their length, s: what a pump that has to raise its
+/// pressure keeps of a motion shows in them alone. Trap: the lag of a slow valve needs many steps.
 const LONG_PART: f64 = 0.2;
 const LONG: f64 = 2.5;
+/// Longest reaction of a fast valve that does not shake its load, s.
+const FAST: f64 = 0.1;
 /// Wait at neutral where both directions would leave the window, s.
 const WAIT: f64 = 0.1;
 
@@ -40,7 +42,8 @@ impl Experiment {
         let low = self.closed(side);
         let high = direction.last().map_or(direction.moving, |stroke| stroke.level);
         let is_neutral = self.random.uniform() < NEUTRAL_PART;
-        let is_long = !is_neutral && self.random.uniform() < LONG_PART;
+        let is_fast = self.record.swing > 0.0 || self.found.reaction <= self.ticks(FAST);
+        let is_long = is_fast && !is_neutral && self.random.uniform() < LONG_PART;
         let level = if is_neutral { 0.0 } else { low + (high - low) * self.random.uniform() };
         let seconds = if is_long { LONG } else { SHORTEST + LENGTH_RANGE * self.random.uniform() };
         let length = self.ticks(seconds) + self.rise();

@@ -6,6 +6,7 @@
 //! | `without-feedforward` | no velocity feed-forward; learning and the inverse of the hysteresis act only beside it |
 //! | `without-learning` | what the feed-forward lacks is not learned in motion |
 //! | `without-hysteresis` | no inverse of the valve's hysteresis |
+//! | `without-damping` | the pressures do not damp the loads, and the gains are those of loads that swing |
 //! | `without-load` | neither loads that overrun an axis nor the mass that moves change feed-forward and gains |
 //! | `without-scaling` | the plan keeps the speed of the task, smoothed, whatever the machine can give |
 //! | `without-waiting` | neither the lag of the teeth nor `slow_references` slows the time along the way |
@@ -32,6 +33,8 @@ pub enum Without {
     Learning,
     /// inverse of the valve's hysteresis
     Hysteresis,
+    /// damping of the loads by the chamber pressures, and the gains that it allows
+    Damping,
     /// loads that overrun an axis in the feed-forward, gains by the mass that moves
     Load,
     /// planned speed by what axes and pump can give
@@ -59,10 +62,11 @@ impl Controller {
     /// What the machine file chooses.
     const MODEL: Self = Self { name: "model", changes: &[] };
     /// What each value of `--without` adds.
-    const LESS: [(Without, Self); 8] = [
+    const LESS: [(Without, Self); 9] = [
         (Without::Feedforward, Self { name: "without-feedforward", changes: &[fallback, no_feedforward] }),
         (Without::Learning, Self { name: "without-learning", changes: &[fallback, no_learning] }),
         (Without::Hysteresis, Self { name: "without-hysteresis", changes: &[fallback, no_hysteresis] }),
+        (Without::Damping, Self { name: "without-damping", changes: &[fallback, no_damping] }),
         (Without::Load, Self { name: "without-load", changes: &[fallback, no_load] }),
         (Without::Scaling, Self { name: "without-scaling", changes: &[fallback, no_scaling] }),
         (Without::Waiting, Self { name: "without-waiting", changes: &[fallback, no_waiting] }),
@@ -102,6 +106,10 @@ fn no_learning(machine: &mut Machine) {
 
 fn no_hysteresis(machine: &mut Machine) {
     axes(machine).for_each(|axis| axis.control.without.hysteresis = true);
+}
+
+fn no_damping(machine: &mut Machine) {
+    axes(machine).for_each(|axis| axis.control.without.damping = true);
 }
 
 fn no_load(machine: &mut Machine) {

@@ -1,0 +1,73 @@
+//! The cylinder of an axis: what it pushes with, and how stiff its oil is.
+//!
+//! ```text
+//! f = A_1 p_1 - A_2 p_2          k_i = B A_i^2 / V_i          V_1 = V_01 + A_1 y          V_2 = V_02 + A_2 (S - y)
+//! ```
+//!
+//! f force in N, p_1 and p_2 pressures of piston side and rod side in Pa, A areas in m2; k stiffness of their oil in N/m
+//! and B its bulk modulus in Pa, V volumes in m3 and V_0 those without the stroke, hoses included, y position and S
+//! stroke in m. Source: Merritt, Hydraulic Control Systems (1967).
+
+use pipeline::machine::Axis;
+
+/// A cylinder.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cylinder {
+    /// A_1 and A_2, m2.
+    areas: [f64; 2],
+    /// V_01 and V_02, m3.
+    dead: [f64; 2],
+    /// S, m.
+    stroke: f64,
+}
+
+impl Cylinder {
+    /// Of an axis whose machine file has its areas and volumes.
+    pub fn of(axis: &Axis) -> Option<Self> {
+        let plant = axis.plant.as_ref()?;
+        let ports = &plant.ports;
+        Some(Self {
+            areas: [plant.piston_area, plant.rod_area],
+            dead: [plant.piston_dead_volume + ports.piston_hose_volume, plant.rod_dead_volume + ports.rod_hose_volume],
+            stroke: axis.stroke,
+        })
+    }
+
+    /// f, N.
+    pub fn force(&self, (piston, rod): (f64, f64)) -> f64 {
+        piston * self.areas[0] - rod * self.areas[1]
+    }
+
+    /// Whether the piston at `position` m is away from its end stops by more than `way` m.
+    pub fn is_free(&self, position: f64, way: f64) -> bool {
+        way < position && position < self.stroke - way
+    }
+
+    /// Part of the frequency of a swing that is left where the oil of one chamber alone carries the load, of an
+    /// extending axis that of the rod side and of a retracting one that of the piston side, at `position` m: root of
+    /// k_2 and of k_1 over their sum.
+    pub fn left(&self, position: f64) -> [f64; 2] {
+        let position = position.clamp(0.0, self.stroke);
+        let ways = [position, self.stroke - position];
+        let [piston, rod] = [0, 1].map(|i| self.areas[i] * self.areas[i] / (self.dead[i] + self.areas[i] * ways[i]));
+        [rod, piston].map(|stiffness| (stiffness / (piston + rod)).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pressures_push_by_their_areas_and_one_chamber_is_softer_than_both() {
+        let cylinder = Cylinder { areas: [0.02, 0.01], dead: [1e-3, 1e-3], stroke: 1.0 };
+        assert!((cylinder.force((10e6, 5e6)) - 150e3).abs() < 1e-6);
+        assert!(cylinder.is_free(0.5, 0.01) && !cylinder.is_free(0.005, 0.01) && !cylinder.is_free(0.995, 0.01));
+        // 4e-4 m4 over 11 l, 1e-4 m4 over 6 l.
+        let (piston, rod) = (4e-4 / 11e-3, 1e-4 / 6e-3);
+        let [extend, retract] = cylinder.left(0.5);
+        assert!((extend * extend - rod / (piston + rod)).abs() < 1e-12);
+        assert!((extend * extend + retract * retract - 1.0).abs() < 1e-12);
+        assert_eq!(cylinder.left(2.0), cylinder.left(1.0));
+    }
+}

@@ -82,7 +82,7 @@ use state::{State, StateMachine, Transition};
 /// encoder, of which the larger one counts.
 const ARRIVAL: f64 = 2e-3;
 const ARRIVAL_COUNTS: f64 = 3.0;
-/// Time in which an axis that has come to the begin of a way would leave it again at its speed, at least, s.
+/// Least time in which an axis that has come to the begin of a way would leave it again, s.
 const SETTLED: f64 = 0.2;
 /// Following error with which an axis may begin that has not come closer for a time, m: its load drifts, or its valve
 /// does not answer so close to its middle.
@@ -221,8 +221,9 @@ impl AxisController {
     /// Whether the axis has come to its reference as well; `is_late` says that it has had much time for it.
     pub fn has_arrived(&self, tick: f64, is_late: bool) -> bool {
         let allowed = if is_late { self.arrival.max(LATE_ARRIVAL) } else { self.arrival };
-        // An axis that passes the begin with its speed has not come to it.
-        self.tracks(tick) && self.decision.error.abs().max(SETTLED * self.feedback.speed().abs()) <= allowed
+        // An axis that passes its reference has not come to it.
+        let passing = self.feedback.speed() - self.references.speed();
+        self.tracks(tick) && self.decision.error.abs().max(SETTLED * passing.abs()) <= allowed
     }
 
     /// Lets an axis that tracks come to a stand and hold there, because another one does not trace the way with it.

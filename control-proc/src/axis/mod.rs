@@ -175,7 +175,7 @@ impl AxisController {
         }
         self.take_request(input);
         if let Some(pressure) = &mut self.pressure {
-            self.fallback.damp(pressure.update(input.sample));
+            self.fallback.damp(pressure.update(input.sample, self.feedback.speed()));
         }
         let observation = self.feedback.observe(input.elapsed, input.sample, self.decision.command);
         self.take_motion(input, observation.position);

@@ -12,8 +12,9 @@
 //! is greater by zeta_p, and the load follows the curve by 2 zeta_p / w later. Source: dynamic pressure feedback,
 //! Merritt, Hydraulic Control Systems (1967).
 //!
-//! It never opens a valve: v_p changes an opening by that opening at most. Without readings
-//! the gains of the fallback are reduced to the gain margin that they have with it.
+//! It never opens a valve: v_p changes an opening by that opening at most. Without readings, and with readings that stay
+//! the same while the axis moves, the gains of the fallback are reduced to the gain margin that they have with it. They
+//! come back within [`BACK`], so that readings that come and go do not leave a high gain without its damping.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -31,6 +32,12 @@ use crate::{
 
 /// T_F, s: long beside a swing of 1 Hz, and short beside a change of posture.
 const SLOW: f64 = 0.5;
+
+/// Time in which the gains come back with the readings, s.
+const BACK: f64 = 1.0;
+/// Time for which both readings may stay the same while the axis moves, s, and the speed from which on it does, m/s.
+const STUCK: f64 = 0.5;
+const MOVES: f64 = 5e-3;
 
 /// What the pressures change in one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,8 +64,16 @@ pub struct PressureFeedback {
     new: f64,
     /// F_s; none before the first reading.
     slow: Option<f64>,
-    /// Part of the gains without readings.
+    /// Part of the gains without readings, and the present one.
     without: f64,
+    present: f64,
+    /// By how much it grows from tick to tick.
+    growth: f64,
+    /// The last readings, Pa, and for how many ticks of motion they have been these.
+    last: Option<(f64, f64)>,
+    unchanged: u64,
+    /// Ticks of [`STUCK`].
+    stuck: u64,
 }
 
 impl PressureFeedback {
@@ -66,26 +81,37 @@ impl PressureFeedback {
     pub fn of(axis: &Axis, period: f64) -> Option<Self> {
         let control = &axis.control;
         let model = axis.commissioned.as_ref().filter(|_| control.pressure_damping > 0.0)?;
+        let without = part_without(control, model, period);
         Some(Self {
             cylinder: Cylinder::of(axis).filter(|_| !control.without.damping),
             gain: 2.0 * control.pressure_damping / (TAU * model.natural_frequency * model.mass),
             new: 1.0 - (-period / SLOW).exp(),
             slow: None,
-            without: part_without(control, model, period),
+            without,
+            present: 1.0,
+            growth: (1.0 - without) * period / BACK,
+            last: None,
+            unchanged: 0,
+            stuck: (STUCK / period).round() as u64,
         })
     }
 
-    /// Takes in a sample.
-    pub fn update(&mut self, sample: Option<&AxisSample>) -> Damping {
+    /// Takes in a sample of an axis at `speed` m/s.
+    pub fn update(&mut self, sample: Option<&AxisSample>, speed: f64) -> Damping {
         let pressures = sample.and_then(AxisSample::pressures);
+        let is_same = pressures.is_some() && pressures == self.last;
+        self.unchanged = if is_same { self.unchanged + u64::from(speed.abs() > MOVES) } else { 0 };
+        self.last = pressures;
+        let pressures = pressures.filter(|_| self.unchanged < self.stuck);
         let force = self.cylinder.zip(pressures).map(|(cylinder, pressures)| cylinder.force(pressures));
         let Some(force) = force.filter(|force| force.is_finite()) else {
-            self.slow = None;
+            (self.slow, self.present) = (None, self.without);
             return Damping { speed: 0.0, gain: self.without };
         };
+        self.present = (self.present + self.growth).min(1.0);
         let slow = self.slow.get_or_insert(force);
         *slow += self.new * (force - *slow);
-        Damping { speed: self.gain * (force - *slow), gain: 1.0 }
+        Damping { speed: self.gain * (force - *slow), gain: self.present }
     }
 }
 
@@ -140,7 +166,7 @@ mod tests {
             if k % 100 == 0 {
                 // Its weight shows in the pressures, too.
                 let force = 3e5 + model.mass * acceleration;
-                wanted = -feedback.as_mut().map_or(0.0, |of| of.update(Some(&sample(&axis, force))).speed);
+                wanted = -feedback.as_mut().map_or(0.0, |of| of.update(Some(&sample(&axis, force)), speed).speed);
             }
             valve += (wanted - valve) * step / 0.02;
             acceleration += (w * (valve - speed) - 2.0 * model.damping * acceleration) * w * step;
@@ -163,13 +189,13 @@ mod tests {
         let axis = axis(0.3);
         let mut feedback = PressureFeedback::of(&axis, PERIOD).unwrap();
         for _ in 0..500 {
-            feedback.update(Some(&sample(&axis, 3e5)));
+            feedback.update(Some(&sample(&axis, 3e5)), 0.0);
         }
-        let steady = feedback.update(Some(&sample(&axis, 3e5)));
+        let steady = feedback.update(Some(&sample(&axis, 3e5)), 0.0);
         assert!(steady.speed.abs() < 1e-6 && steady.gain == 1.0, "{steady:?}");
         let silent = AxisSample::default();
         for lost in [None, Some(&silent), Some(&sample(&axis, f64::NAN))] {
-            let Damping { speed, gain } = feedback.update(lost);
+            let Damping { speed, gain } = feedback.update(lost, 0.0);
             assert!(speed == 0.0 && gain > 0.1 && gain < 0.6, "{speed} {gain}");
             let control = Control { kp: gain * axis.control.kp, pressure_damping: 0.0, ..axis.control };
             let model = axis.commissioned.as_ref().unwrap();
@@ -180,8 +206,25 @@ mod tests {
             };
             assert!((margin(&control) / margin(&axis.control) - 1.0).abs() < 0.01);
         }
-        // When they are back, the weight is no swing.
-        assert_eq!(feedback.update(Some(&sample(&axis, 4e5))), Damping::NONE);
+        // When they are back, the weight is no swing, and the gains come back within a second.
+        let back = |feedback: &mut PressureFeedback, k: usize| {
+            let Damping { speed, gain } = feedback.update(Some(&sample(&axis, 4e5 + k as f64)), 0.1);
+            assert!(speed.abs() < 1e-3, "{speed}");
+            gain
+        };
+        let gains: Vec<f64> = (0..150).map(|k| back(&mut feedback, k)).collect();
+        assert!(gains[0] < 0.65 && gains[50] < 0.9 && gains.is_sorted() && gains[101] == 1.0, "{gains:?}");
+    }
+
+    #[test]
+    fn readings_that_stay_the_same_in_motion_are_none() {
+        let axis = axis(0.3);
+        let mut feedback = PressureFeedback::of(&axis, PERIOD).unwrap();
+        let mut gain = |force: f64, speed: f64| feedback.update(Some(&sample(&axis, force)), speed).gain;
+        assert!((0..500).all(|_| gain(3e5, 0.0) == 1.0), "a load that stands");
+        assert!((0..49).all(|_| gain(3e5, 0.1) == 1.0));
+        assert!((0..200).all(|_| gain(3e5, -0.1) < 0.6));
+        assert!((0..101).map(|k| gain(3e5 + f64::from(k), 0.1)).last() == Some(1.0));
     }
 
     #[test]
@@ -189,7 +232,7 @@ mod tests {
         assert_eq!(PressureFeedback::of(&axis(0.0), PERIOD), None);
         let mut without = axis(0.3);
         without.control.without.damping = true;
-        let damping = PressureFeedback::of(&without, PERIOD).unwrap().update(Some(&sample(&without, 3e5)));
+        let damping = PressureFeedback::of(&without, PERIOD).unwrap().update(Some(&sample(&without, 3e5)), 0.0);
         assert!(damping.speed == 0.0 && damping.gain < 1.0, "{damping:?}");
     }
 }

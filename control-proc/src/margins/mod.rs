@@ -204,6 +204,11 @@ impl Margins {
     }
 }
 
+/// Parts of gains that are tried, in steps of 5 %, down to a twentieth.
+pub fn parts() -> impl Iterator<Item = f64> {
+    (0..REDUCTIONS).map(|n| REDUCTION.powi(n))
+}
+
 /// The largest part of both gains of the law of `control`, in steps of 5 %, whose loop passes, and the settings with
 /// it. The loop is that around `model` where its curve has the slope `gain` m/s per command; `period` in s. `None`
 /// where no part of at least 5 % passes.
@@ -221,8 +226,9 @@ pub fn reduced(
         }
         Law::Predictive => Control { kp: part * control.kp, ki: part * control.ki, ..*control },
     };
-    let mut parts = (0..REDUCTIONS).map(|n| REDUCTION.powi(n)).map(|part| (part, with(part)));
-    parts.find(|(_, control)| passes(&Loop::new(control, model, gain, period).margins()))
+    parts()
+        .map(|part| (part, with(part)))
+        .find(|(_, control)| passes(&Loop::new(control, model, gain, period).margins()))
 }
 
 /// Factors in the gain with which L goes through -1, and where on the circle, rad.

@@ -52,7 +52,7 @@ use course::{END, TRAINING, course};
 use crate::{
     commission::experiment::FAST_VALVE,
     fallback::Fallback,
-    margins::{LEAST_GAIN_MARGIN, Loop, Margins, mean_slope, reduced, steepest},
+    margins::{LEAST_GAIN_MARGIN, Loop, Margins, mean_slope, parts, reduced, steepest},
     smith::{LastBy, Smith},
 };
 
@@ -203,12 +203,15 @@ impl Baseline {
 /// `model`, or all where no part does, and with no more integral than `MOST_INTEGRAL` says; `period` in s.
 pub fn with_margin(control: &Control, model: &Commissioned, period: f64) -> Control {
     let slope = mean_slope(model);
-    let bounded = |of: &Control| Control { ki: of.ki.min(MOST_INTEGRAL * of.kp * of.kp * slope), ..*of };
-    let fallback = bounded(&Control { law: Law::Predictive, ..*control });
-    let keeps = |margins: &Margins| margins.gain >= LEAST_GAIN_MARGIN;
-    let found = reduced(&fallback, model, slope, period, keeps);
-    let Control { kp, ki, .. } = bounded(&found.map_or(fallback, |(_, reduced)| reduced));
-    Control { kp, ki, ..*control }
+    let with = |part: f64| {
+        let kp = part * control.kp;
+        Control { kp, ki: (part * control.ki).min(MOST_INTEGRAL * kp * kp * slope), ..*control }
+    };
+    let keeps = |of: &Control| {
+        let fallback = Control { law: Law::Predictive, ..*of };
+        Loop::new(&fallback, model, slope, period).margins().gain >= LEAST_GAIN_MARGIN
+    };
+    parts().map(with).find(keeps).unwrap_or_else(|| with(1.0))
 }
 
 /// `model` where its load swings most slowly, on a machine whose masses and levers change with its posture: the gain
@@ -411,6 +414,29 @@ mod tests {
 
     const PERIOD: f64 = 0.01;
     const ALL: [Baseline; 3] = [Baseline::Pi, Baseline::DeadBand, Baseline::Feedforward];
+
+    #[test]
+    fn loads_behind_fast_valves_are_damped_and_bear_higher_gains() {
+        let model = |time_constant: f64, natural_frequency: f64, mass: f64| {
+            let swinging = Commissioned { natural_frequency, damping: 0.1, mass, dead_time: 0.005, ..commissioned() };
+            Commissioned { time_constant: time_constant + swinging.swing_delay(), ..swinging }
+        };
+        let fast = model(0.015, 2.5, 1e5);
+        assert_eq!(pressure_damping(&fast, PERIOD), MOST_DAMPING);
+        // w is 15.7 rad/s: 0.25 / (15.7 * 0.07).
+        assert!((pressure_damping(&model(0.06, 2.5, 1e5), PERIOD) - 0.2274).abs() < 1e-3);
+        for undamped in [model(0.2, 2.5, 1e5), model(0.015, 0.0, 1e5), model(0.015, 2.5, f64::INFINITY)] {
+            assert_eq!(pressure_damping(&undamped, PERIOD), 0.0);
+        }
+        let gains = |pressure_damping: f64| {
+            let control = Control { kp: 50.0, ki: 500.0, pressure_damping, ..machine(1).axes[0].control };
+            let control = with_margin(&Control { law: Law::Predictive, ..control }, &fast, PERIOD);
+            let gain = Loop::new(&control, &fast, mean_slope(&fast), PERIOD).margins().gain;
+            assert!(gain >= LEAST_GAIN_MARGIN, "{gain}");
+            control.kp
+        };
+        assert!(gains(MOST_DAMPING) > 2.0 * gains(0.0), "{} {}", gains(MOST_DAMPING), gains(0.0));
+    }
 
     fn axis(dead_time: f64) -> Axis {
         let mut axis = machine(1).axes.remove(0);

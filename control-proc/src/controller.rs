@@ -38,6 +38,8 @@ use crate::{
 
 /// Time for which the teeth wait for axes that come no closer to the begin of their way, s.
 const PATIENCE_AT_BEGIN: f64 = 5.0;
+/// Time for which the axes have to be there before the motion begins, s: one that swings through has not come to it.
+const SETTLED: f64 = 0.3;
 
 /// What the axes of a mechanism do together; nothing for a machine without one.
 #[derive(Debug, Clone)]
@@ -66,6 +68,8 @@ pub struct Controller {
     repeated: u64,
     /// Ticks for which the references of all axes of the teeth have been at the begin of the way.
     at_begin: u64,
+    /// Ticks for which these axes have been there themselves.
+    settled: u64,
 }
 
 impl Controller {
@@ -94,6 +98,7 @@ impl Controller {
             session: 0,
             repeated: 0,
             at_begin: 0,
+            settled: 0,
         })
     }
 
@@ -308,11 +313,13 @@ impl Controller {
         let are_at_begin = start.is_none() && self.generator.tip_axes().all(|axis| self.axes[axis].tracks(last));
         self.at_begin = if are_at_begin { self.at_begin.saturating_add(1) } else { 0 };
         let is_late = self.at_begin as f64 * self.period >= PATIENCE_AT_BEGIN;
-        let have_arrived = self.generator.tip_axes().all(|axis| match start {
+        let are_there = self.generator.tip_axes().all(|axis| match start {
             Some(start) => self.axes[axis].tracks(start.max(now)),
             None => self.axes[axis].has_arrived(last, is_late),
         });
-        match (start.is_some(), have_arrived) {
+        self.settled = if are_there { self.settled.saturating_add(1) } else { 0 };
+        let is_ready = are_there && (start.is_some() || self.settled as f64 * self.period >= SETTLED);
+        match (start.is_some(), is_ready) {
             // What a preview has shown so far stays as it is.
             (false, true) if self.generator.tip_axes().next().is_some() => self.generator.begin_tip(Some(last)),
             (true, false) => {

@@ -4,8 +4,8 @@
 //! f = A_1 p_1 - A_2 p_2          k_i = B A_i^2 / V_i          V_1 = V_01 + A_1 y          V_2 = V_02 + A_2 (S - y)
 //! ```
 //!
-//! f force in N, p_1 and p_2 pressures of piston side and rod side in Pa, A areas in m2; k stiffness of their oil in N/m
-//! and B its bulk modulus in Pa, V volumes in m3 and V_0 those without the stroke, hoses included, y position and S
+//! f force in N, p_1 and p_2 pressures of piston side and rod side in Pa, A areas in m2; k stiffness of their oil in
+//! N/m and B its bulk modulus in Pa, V volumes in m3 and V_0 those without the stroke, hoses included, y position and S
 //! stroke in m. Source: Merritt, Hydraulic Control Systems (1967).
 
 use pipeline::machine::Axis;

@@ -13,6 +13,7 @@ use pipeline::{
 };
 
 use crate::{
+    fallback::pressure::{Damping, PressureFeedback},
     predictive::history::{History, OUTPUTS},
     protection::motion::{Motion, Standing},
 };
@@ -71,6 +72,8 @@ pub struct Feedback {
     /// Unusable samples, less the leak.
     unusable: f64,
     motion: Motion,
+    /// None where pressures do not damp the load.
+    pressure: Option<PressureFeedback>,
 }
 
 impl Feedback {
@@ -87,6 +90,7 @@ impl Feedback {
             bridged: 0,
             unusable: 0.0,
             motion: Motion::new(axis, timing),
+            pressure: PressureFeedback::of(axis, period),
         }
     }
 
@@ -130,6 +134,12 @@ impl Feedback {
             is_lost: is_unreliable || if position.is_some() { missing >= self.timeout_ticks } else { is_blind },
             standing: self.motion.update(elapsed, command, position),
         }
+    }
+
+    /// What the pressures of a sample change in the fallback, before [`Self::observe`].
+    pub fn damping(&mut self, sample: Option<&AxisSample>) -> Damping {
+        let speed = self.speed();
+        self.pressure.as_mut().map_or(Damping::NONE, |pressure| pressure.update(sample, speed))
     }
 
     /// Whether no position has come for so long that references wait for the axis.

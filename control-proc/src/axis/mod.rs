@@ -64,7 +64,7 @@ use pipeline::{
 };
 
 use crate::{
-    fallback::{Fallback, pressure::PressureFeedback},
+    fallback::Fallback,
     load::Load,
     model::gate::Gate,
     protection::{Protection, walls::Wanted},
@@ -82,8 +82,6 @@ use state::{State, StateMachine, Transition};
 /// encoder, of which the larger one counts.
 const ARRIVAL: f64 = 2e-3;
 const ARRIVAL_COUNTS: f64 = 3.0;
-/// Least time in which an axis that has come to the begin of a way would leave it again, s.
-const SETTLED: f64 = 0.2;
 /// Following error with which an axis may begin that has not come closer for a time, m: its load drifts, or its valve
 /// does not answer so close to its middle.
 const LATE_ARRIVAL: f64 = 1e-2;
@@ -121,7 +119,6 @@ pub struct AxisController {
     references: References,
     law: ModelLaw,
     fallback: Fallback,
-    pressure: Option<PressureFeedback>,
     standstill: Standstill,
     protection: Protection,
     tracking: Tracking,
@@ -147,7 +144,6 @@ impl AxisController {
             references: References::new(index, axis, period, ahead),
             law,
             fallback,
-            pressure: PressureFeedback::of(axis, period),
             standstill: Standstill::new(axis, period),
             protection: Protection::new(axis, period, SPEED_TIME.max(period)),
             tracking: Tracking::default(),
@@ -174,9 +170,7 @@ impl AxisController {
             self.operation.requests.stop(input.sequence);
         }
         self.take_request(input);
-        if let Some(pressure) = &mut self.pressure {
-            self.fallback.damp(pressure.update(input.sample, self.feedback.speed()));
-        }
+        self.fallback.damp(self.feedback.damping(input.sample));
         let observation = self.feedback.observe(input.elapsed, input.sample, self.decision.command);
         self.take_motion(input, observation.position);
         let snapshot_flags = self.gate.take(input.sequence, input.snapshot);
@@ -221,9 +215,7 @@ impl AxisController {
     /// Whether the axis has come to its reference as well; `is_late` says that it has had much time for it.
     pub fn has_arrived(&self, tick: f64, is_late: bool) -> bool {
         let allowed = if is_late { self.arrival.max(LATE_ARRIVAL) } else { self.arrival };
-        // An axis that passes its reference has not come to it.
-        let passing = self.feedback.speed() - self.references.speed();
-        self.tracks(tick) && self.decision.error.abs().max(SETTLED * passing.abs()) <= allowed
+        self.tracks(tick) && self.decision.error.abs() <= allowed
     }
 
     /// Lets an axis that tracks come to a stand and hold there, because another one does not trace the way with it.

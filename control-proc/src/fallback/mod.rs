@@ -21,8 +21,8 @@
 //! hydraulics.
 //!
 //! I is one of three: at rest, where u_r is 0, extending, and retracting. What an axis needed against its dead band at
-//! rest is wrong in the motion that follows, and what a motion needed pushes the axis on when it stands. One that is not
-//! in use fades with its own time, kp/ki. v_p is what the [`pressure`] feedback takes off, |v_p| <= |v|.
+//! rest is wrong in the motion that follows, and what a motion needed pushes the axis on when it stands. One that is
+//! not in use fades with its own time, kp/ki. v_p is what the [`pressure`] feedback takes off, |v_p| <= |v|.
 //!
 //! L is what the feed-forward lacks, one number for each direction: a commissioned curve is least exact where it
 //! begins, and dead bands drift. It is learned while the reference moves and acts only then, so that at rest, where an
@@ -52,7 +52,7 @@ pub mod feedforward;
 pub mod hysteresis;
 pub mod pressure;
 
-use pipeline::machine::{Commissioned, Control};
+use pipeline::machine::{Commissioned, Control, DeadBand};
 
 use feedforward::{Coming, Feedforward};
 use hysteresis::Hysteresis;
@@ -95,8 +95,7 @@ pub struct Fallback {
     ki_period: f64,
     /// kp T/T_l, 1/m; 0 without feed-forward, and in a comparison without learning.
     learning: f64,
-    extend: f64,
-    retract: f64,
+    dead_band: DeadBand,
     /// Part of kp and ki that is in use.
     gain: f64,
     limits: Limits,
@@ -106,9 +105,15 @@ pub struct Fallback {
     damping: Damping,
     /// c'_m, m/s; infinite where it is not known.
     slope: f64,
-    /// Part of this difference that is left a tick later.
-    kept: f64,
-    /// Part of an I that is not in use which is left a tick later.
+    kept: Kept,
+}
+
+/// Parts that are left a tick later.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Kept {
+    /// Of the difference to the last controller.
+    offset: f64,
+    /// Of an I that is not in use.
     idle: f64,
 }
 
@@ -126,8 +131,7 @@ impl Fallback {
             ki_period: control.ki * period,
             learning: learning.map_or(0.0, |model| control.kp * period / learning_time(model, period)),
             gain: 1.0,
-            extend: control.dead_band.extend,
-            retract: control.dead_band.retract,
+            dead_band: control.dead_band,
             limits: Limits::new(control, period),
             feedforward: model.map(|model| Feedforward::new(model, period)),
             memory: Memory {
@@ -139,8 +143,10 @@ impl Fallback {
             load: Load::USUAL,
             damping: Damping::NONE,
             slope: commissioned.map_or(f64::INFINITY, mean_slope),
-            kept: (-period / HANDOVER).exp(),
-            idle: if control.kp > 0.0 { (-control.ki * period / control.kp).exp() } else { 0.0 },
+            kept: Kept {
+                offset: (-period / HANDOVER).exp(),
+                idle: if control.kp > 0.0 { (-control.ki * period / control.kp).exp() } else { 0.0 },
+            },
         }
     }
 
@@ -226,9 +232,9 @@ impl Fallback {
         let opening = proportional + integral + self.memory.offset + self.coming_opening(forward);
         let opening = opening - self.damped(opening, forward);
         let wanted = self.memory.hysteresis.update(self.compensated(opening));
-        self.memory.offset *= self.kept;
+        self.memory.offset *= self.kept.offset;
         for idle in (0..3).filter(|phase| *phase != now) {
-            self.memory.integrals[idle] *= self.idle;
+            self.memory.integrals[idle] *= self.kept.idle;
         }
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
@@ -291,7 +297,7 @@ impl Fallback {
     }
 
     fn dead_band(&self, direction: f64) -> f64 {
-        if direction >= 0.0 { self.extend } else { -self.retract }
+        if direction >= 0.0 { self.dead_band.extend } else { -self.dead_band.retract }
     }
 
     /// The integral within the openings of the largest commands: more would only have to be unwound.

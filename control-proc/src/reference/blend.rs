@@ -61,6 +61,11 @@ impl Blend {
         }
     }
 
+    /// No faster than `speed` m/s.
+    pub fn within(self, speed: f64) -> Self {
+        Self { speed: self.speed.min(speed), ..self }
+    }
+
     /// Begins at tick `start` from `position` (m); `first` is g(0) in m, none without a generator.
     pub fn begin(&mut self, start: f64, position: f64, first: Option<f64>) {
         (self.start, self.start_position) = (start, position);

@@ -27,7 +27,7 @@ use pipeline::{
     message::Reference,
 };
 
-use crate::model::response::MAX_AHEAD;
+use crate::{model::response::MAX_AHEAD, tuning::reached};
 use blend::Blend;
 use channel::ChannelFollower;
 use generator::ReferenceGenerator;
@@ -79,6 +79,16 @@ pub struct ReferenceStatus {
     pub is_slowed: bool,
 }
 
+/// Part of the speed that an axis of the teeth reaches with which it goes to the begin of their way: the others go
+/// there at the same time, and the pump serves all of them.
+const APPROACH: f64 = 0.5;
+
+/// Fastest speed with which an axis goes to the begin of a way that others trace with it, m/s.
+fn approach(axis: &Axis) -> f64 {
+    let model = axis.commissioned.as_ref().filter(|_| axis.reference == ReferenceSource::Tip);
+    model.map_or(f64::INFINITY, |model| APPROACH * reached(model, axis.control.command_limit))
+}
+
 impl References {
     /// References of the axis with this number for this tick and `ahead` more ticks; `period` in s.
     pub fn new(index: usize, axis: &Axis, period: f64, ahead: usize) -> Self {
@@ -89,7 +99,7 @@ impl References {
             period,
             channel: from_channel.then(|| ChannelFollower::new(index, axis, period)),
             brakes: false,
-            blend: Blend::new(axis.max_speed, axis.soft_limits),
+            blend: Blend::new(axis.max_speed, axis.soft_limits).within(approach(axis)),
             capability: Capability::of(axis, period),
             profile: Profile::new(axis, period, ahead),
             state: State::Tracks,

@@ -204,9 +204,9 @@ impl Commissioned {
         if w > 0.0 { 2.0 * self.damping / w } else { 0.0 }
     }
 
-    /// This axis with a controller that makes the damping ratio of its swing greater by `more` (zeta_p), by a speed that
-    /// opposes the acceleration of the load: zeta + zeta_p cos(w (t_d + tau_v)), with its delay in the time constant;
-    /// tau_v is tau less the swing's own delay. As it is without a swing.
+    /// This axis with a controller that makes the damping ratio of its swing greater by `more` (zeta_p), by a speed
+    /// that opposes the acceleration of the load: zeta + zeta_p cos(w (t_d + tau_v)), with its delay in the time
+    /// constant; tau_v is tau less the swing's own delay. As it is without a swing.
     pub fn damped(&self, more: f64) -> Self {
         let w = TAU * self.natural_frequency;
         let late = w * (self.reaction() - self.swing_delay()).max(0.0);

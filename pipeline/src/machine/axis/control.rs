@@ -22,8 +22,8 @@ pub struct Control {
     pub ki: f64,
     /// Whether the fallback adds velocity feed-forward by the commissioned model.
     pub feedforward: bool,
-    /// zeta_p: by how much the fallback makes the damping ratio of the load's swing greater, by the chamber pressures; 0
-    /// where it does not.
+    /// zeta_p: by how much the fallback makes the damping ratio of the load's swing greater, by the chamber pressures;
+    /// 0 where it does not.
     pub pressure_damping: f64,
     /// Dead band of the valve that the fallback compensates.
     pub dead_band: DeadBand,

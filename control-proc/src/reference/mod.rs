@@ -27,7 +27,7 @@ use pipeline::{
     message::Reference,
 };
 
-use crate::{model::response::MAX_AHEAD, tuning::reached};
+use crate::model::response::MAX_AHEAD;
 use blend::Blend;
 use channel::ChannelFollower;
 use generator::ReferenceGenerator;
@@ -86,7 +86,7 @@ const APPROACH: f64 = 0.5;
 /// Fastest speed with which an axis goes to the begin of a way that others trace with it, m/s.
 fn approach(axis: &Axis) -> f64 {
     let model = axis.commissioned.as_ref().filter(|_| axis.reference == ReferenceSource::Tip);
-    model.map_or(f64::INFINITY, |model| APPROACH * reached(model, axis.control.command_limit))
+    model.map_or(f64::INFINITY, |model| APPROACH * model.reached(axis.control.command_limit))
 }
 
 impl References {

@@ -347,7 +347,7 @@ struct Bench<'a> {
 impl<'a> Bench<'a> {
     fn new(index: usize, axis: &'a Axis, period: f64) -> Option<Self> {
         let model = axis.commissioned.as_ref()?;
-        let points = course(index, axis.soft_limits, reached(model, axis.control.command_limit));
+        let points = course(index, axis.soft_limits, model.reached(axis.control.command_limit));
         let round = crate::reference::trajectory::Trajectory::through(points);
         let rest = LONG_REST.0.max(LONG_REST.1 * model.reaction());
         let ticks = ((END - TRAINING + rest) / period) as usize;
@@ -404,11 +404,6 @@ impl<'a> Bench<'a> {
 /// the gain from command to speed.
 fn spring_delay() -> f64 {
     1.0 / (2.0 * SPRING_DAMPING * TAU * SPRING_FREQUENCY)
-}
-
-/// The speed that an axis reaches both ways with commands up to `limit`, m/s.
-pub fn reached(model: &Commissioned, limit: f64) -> f64 {
-    model.speed(limit).min(-model.speed(-limit))
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use control_proc::{
     tuning::{
         Baseline,
         course::{END, TRAINING, course},
-        reached, smith,
+        smith,
     },
 };
 use pipeline::{
@@ -249,7 +249,7 @@ fn at_dead_time(machine: &Machine, dead_time: Duration) -> Result<Vec<Axis>, Fai
         let model = axis.commissioned.as_ref().ok_or_else(|| not_commissioned(axis))?;
         axis.identification.structure = model.structure(axis.identification.structure, period);
         axis.identification.training = samples_of(Duration::from_secs_f64(TRAINING), period);
-        let points = course(index, axis.soft_limits, reached(model, axis.control.command_limit));
+        let points = course(index, axis.soft_limits, model.reached(axis.control.command_limit));
         axis.reference = ReferenceSource::Ramps(points);
     }
     Ok(machine.axes)

@@ -231,6 +231,11 @@ impl Commissioned {
         }
     }
 
+    /// The speed that the axis reaches both ways with commands up to `limit`, m/s.
+    pub fn reached(&self, limit: f64) -> f64 {
+        self.speed(limit).min(-self.speed(-limit))
+    }
+
     /// Speed of a spool at position x, m/s: c(x + h/2) or c(x - h/2), as half of the hysteresis is in the dead bands.
     pub fn spool_speed(&self, x: f64) -> f64 {
         self.speed(x + (0.5 * self.hysteresis).copysign(x))

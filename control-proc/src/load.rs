@@ -11,7 +11,7 @@
 //! times the frequency of the commissioning. The same command moves the axis g times as fast. A greater mass swings
 //! slower on its spring of oil, and the gains are p times as large as those of the machine file, so that the margin
 //! stays. A load that overruns its axis empties the chamber that is filled, and hangs on the oil of the other one alone
-//! ([`Cylinder::left`]). An axis of which no swing was found keeps its gains. With pressure feedback a newton counts n
+//! (`Cylinder::left`). An axis of which no swing was found keeps its gains. With pressure feedback a newton counts n
 //! times as much, so that the damping ratio stays.
 //!
 //! Runs in the loop: nothing here allocates after construction.

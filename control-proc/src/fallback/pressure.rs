@@ -5,7 +5,7 @@
 //! m dv/dt = F - F_load           dF/dt = m w^2 (v_c - v_p - v)
 //! ```
 //!
-//! F force of the cylinder in N ([`crate::cylinder`]) and F_s its slow part, which holds the load; v_p speed in m/s
+//! F force of the cylinder in N (`cylinder`) and F_s its slow part, which holds the load; v_p speed in m/s
 //! that is taken off the command; w natural frequency in rad/s and m mass in kg of the commissioned load, zeta_p
 //! `pressure_damping`, and n by how much more another load needs ([`crate::load`]); v_c speed of the curve and v that
 //! of the axis in m/s. What accelerates a load shows in the pressures before it shows in its position. The damping
@@ -14,7 +14,7 @@
 //!
 //! It never opens a valve: v_p changes an opening by that opening at most. Without readings, and with readings that
 //! stay the same while the axis moves, the gains of the fallback are reduced to the gain margin that they have with it.
-//! They come back within [`BACK`], so that readings that come and go do not leave a high gain without its damping.
+//! They come back within `BACK`, so that readings that come and go do not leave a high gain without its damping.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 

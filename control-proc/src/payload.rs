@@ -68,7 +68,7 @@ impl Payload {
         Some(Self {
             empty: carrying(mechanism, 0.0),
             probed: carrying(mechanism, PROBE),
-            cylinders: axes.each_ref().map(|axis| Cylinder::of(axis).filter(|_| axis.pressure.is_some())),
+            cylinders: axes.each_ref().map(|axis| Cylinder::of(axis).filter(|_| axis.measures_force())),
             heaviest,
             new: 1.0 - (-machine.timing.period.as_secs_f64() / TIME).exp(),
             filtered: None,

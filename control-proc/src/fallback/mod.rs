@@ -225,12 +225,13 @@ impl Fallback {
     /// The command for a following error of `error` m and `forward` as u_r, after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, forward: f64, last: f64) -> f64 {
-        let (gain, part) = (self.gain_at(forward), self.part(forward));
+        let (part, steepness) = (self.part(forward), self.steepness(forward));
+        let gain = part / steepness;
         let proportional = gain * self.kp * error;
         let now = phase(forward);
         let integral = self.memory.integrals[now];
         let opening = proportional + integral + self.memory.offset + self.coming_opening(forward);
-        let opening = opening - self.damped(opening, forward);
+        let opening = opening - self.damped(opening, now, steepness);
         let wanted = self.memory.hysteresis.update(self.compensated(opening));
         self.memory.offset *= self.kept.offset;
         for idle in (0..3).filter(|phase| *phase != now) {
@@ -239,8 +240,8 @@ impl Fallback {
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
             self.memory.integrals[now] = self.bounded(integral + part * gain * self.ki_period * error);
-            let (_, side, part) = self.moving(forward);
-            let learned = self.memory.learned[side] + part * gain * self.learning * error;
+            let (_, side, moving) = self.moving(forward);
+            let learned = self.memory.learned[side] + moving * gain * self.learning * error;
             self.memory.learned[side] = learned.clamp(-MOST_LEARNED, MOST_LEARNED);
         }
         command
@@ -263,10 +264,10 @@ impl Fallback {
         (steepness / SPARED).max(1.0)
     }
 
-    /// What the pressures take off an opening at this u_r: never more than the opening, so they do not move an axis.
-    fn damped(&self, opening: f64, forward: f64) -> f64 {
-        let speed = self.load.damping[phase(forward)] * self.damping.speed;
-        (speed / (self.steepness(forward) * self.slope)).clamp(-opening.abs(), opening.abs())
+    /// What the pressures take off an opening: never more than the opening, so they do not move an axis.
+    fn damped(&self, opening: f64, phase: usize, steepness: f64) -> f64 {
+        let speed = self.load.damping[phase] * self.damping.speed;
+        (speed / (steepness * self.slope)).clamp(-opening.abs(), opening.abs())
     }
 
     /// v_r + a L of this u_r.

@@ -41,7 +41,7 @@ use pipeline::machine::{Commissioned, Control, Law, SmithSettings};
 
 use controller::Controller;
 use plant::Plant;
-pub use plant::{mean_slope, steepest};
+pub use plant::{mean_slope, moved, steepest};
 use response::{Point, response};
 
 /// Least gain margin that commissioning asks for.
@@ -104,14 +104,11 @@ impl Loop {
     /// The loop of the law of `control`, Smith predictor or fallback, around `model` where its curve has the slope
     /// `gain` m/s per command; `period` in s. Predictive control has no linear loop.
     pub fn new(control: &Control, model: &Commissioned, gain: f64, period: f64) -> Self {
-        let (controller, plant) = match &control.law {
-            Law::Smith(settings) => (Controller::smith(settings, model, gain, period), Plant::new(model, gain, period)),
-            Law::Predictive => {
-                let damped = model.damped(control.pressure_damping);
-                (Controller::proportional_integral(control.kp, control.ki), Plant::new(&damped, gain, period))
-            }
+        let controller = match &control.law {
+            Law::Smith(settings) => Controller::smith(settings, model, gain, period),
+            Law::Predictive => Controller::proportional_integral(control.kp, control.ki),
         };
-        Self { plant, controller, period, dead_time: model.dead_time }
+        Self { plant: Plant::new(&moved(control, model), gain, period), controller, period, dead_time: model.dead_time }
     }
 
     /// L at a frequency in Hz, from more than 0 to half of the sampling frequency.

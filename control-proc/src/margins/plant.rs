@@ -15,7 +15,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::Complex;
-use pipeline::machine::Commissioned;
+use pipeline::machine::{Commissioned, Control, Law};
 
 /// Largest damping ratio: at 1 both poles of the swing are equal and have no residues.
 const MOST_DAMPING: f64 = 0.999;
@@ -37,6 +37,11 @@ struct Mode {
     first: Complex<f64>,
     /// r exp(p (T - d)) f(p, d).
     second: Complex<f64>,
+}
+
+/// The axis as the law of `control` moves it: the fallback damps its load.
+pub fn moved(control: &Control, model: &Commissioned) -> Commissioned {
+    model.damped(if control.law == Law::Predictive { control.pressure_damping } else { 0.0 })
 }
 
 /// Largest slope of the static curve beyond the dead bands, m/s per command.

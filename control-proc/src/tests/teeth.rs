@@ -89,13 +89,15 @@ fn the_axes_begin_together_once_all_of_them_are_at_the_begin_and_trace_the_plan(
     }
 }
 
+/// Ticks from arming until the teeth are on their way.
+fn waited(mut ideal: Ideal) -> usize {
+    ideal.controller.arm();
+    ideal.await_way()
+}
+
 #[test]
 fn an_axis_that_comes_no_closer_begins_late_and_one_that_is_far_away_never() {
-    let waited = |beside: f64| {
-        let mut ideal = Ideal { beside, ..Ideal::new() };
-        ideal.controller.arm();
-        ideal.await_way()
-    };
+    let waited = |beside: f64| waited(Ideal { beside, ..Ideal::new() });
     let in_time = waited(1.8e-3);
     assert!(in_time < 400, "{in_time}");
     for beside in [2.5e-3, 9.5e-3] {
@@ -107,11 +109,7 @@ fn an_axis_that_comes_no_closer_begins_late_and_one_that_is_far_away_never() {
 
 #[test]
 fn an_axis_that_passes_the_begin_of_the_way_has_not_come_to_it() {
-    let waited = |swing: f64| {
-        let mut ideal = Ideal { swing, ..Ideal::new() };
-        ideal.controller.arm();
-        ideal.await_way()
-    };
+    let waited = |swing: f64| waited(Ideal { swing, ..Ideal::new() });
     let still = waited(0.0);
     assert!(waited(1e-3) < still + 50);
     // Within 2 mm for no longer than 0.23 s.

@@ -52,7 +52,7 @@ use course::{END, TRAINING, course};
 use crate::{
     commission::experiment::FAST_VALVE,
     fallback::Fallback,
-    margins::{LEAST_GAIN_MARGIN, Loop, Margins, mean_slope, parts, reduced, steepest},
+    margins::{LEAST_GAIN_MARGIN, Loop, Margins, mean_slope, moved, parts, reduced, steepest},
     smith::{LastBy, Smith},
 };
 
@@ -86,6 +86,8 @@ const LEAST_FREQUENCY: f64 = 4.0;
 /// Largest ki in parts of kp^2 times the mean slope: with it the poles of s^2 + g kp s + g ki, a PI and an axis that is
 /// an integrator, are equal. More of it swings about what the axis does that the model does not have.
 const MOST_INTEGRAL: f64 = 0.25;
+/// By how much later an axis that is damped by its pressures may answer with its gain margin, in parts of its reaction.
+const LATER: f64 = 0.5;
 /// Part of the natural frequency that commissioning found to which it falls in another posture, or with a payload.
 const SOFTEST: f64 = 0.7;
 /// Natural frequency of load and oil where commissioning has found none, Hz: a slower swing would have been seen.
@@ -200,7 +202,8 @@ impl Baseline {
 }
 
 /// `control` with as much of the fallback's gains as leaves [`LEAST_GAIN_MARGIN`] at the mean slope of the curve of
-/// `model`, or all where no part does, and with no more integral than `MOST_INTEGRAL` says; `period` in s.
+/// `model`, or all where no part does, and with no more integral than `MOST_INTEGRAL` says; of an axis that is damped
+/// by its pressures, where it answers later by half of its reaction. `period` in s.
 pub fn with_margin(control: &Control, model: &Commissioned, period: f64) -> Control {
     let slope = mean_slope(model);
     let with = |part: f64| {
@@ -257,27 +260,6 @@ pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Optio
         Loop::new(&with(*settings), bench.model, slope, period).margins().gain >= LEAST_GAIN_MARGIN
     };
     settings.filter(has_gain_margin).find(keeps_margins).filter(is_worth)
-}
-
-/// The axis as the law of `control` moves it: the fallback damps its load.
-fn moved(control: &Control, model: &Commissioned) -> Commissioned {
-    model.damped(if control.law == Law::Predictive { control.pressure_damping } else { 0.0 })
-}
-
-/// zeta_p of an axis that is damped by its pressures.
-pub const PRESSURE_DAMPING: f64 = 0.3;
-/// By how much later a damped axis may answer with its gain margin, in parts of its reaction.
-const LATER: f64 = 0.5;
-/// Largest w t of an axis that is damped, t time from the pressures to the motion in s. Trap: a machine has swings of
-/// several axes at once, two and three times as fast as that of one; pressures that act late excite them.
-const LATEST: f64 = 0.7;
-
-/// zeta_p for the fallback of an axis with this model, which measures the force of its cylinder, with a command every
-/// `period` s: 0 where the load does not swing, its mass is not known, or the valve is too slow.
-pub fn pressure_damping(model: &Commissioned, period: f64) -> f64 {
-    // Only the sum of dead time, lag and delay of the swing is certain.
-    let late = TAU * model.natural_frequency * (model.reaction() + period);
-    if late > 0.0 && late <= LATEST && model.mass.is_finite() { PRESSURE_DAMPING } else { 0.0 }
 }
 
 /// What is tried: the fallback, or a Smith predictor on the commissioned model.
@@ -415,16 +397,14 @@ mod tests {
     const ALL: [Baseline; 3] = [Baseline::Pi, Baseline::DeadBand, Baseline::Feedforward];
 
     #[test]
-    fn loads_behind_fast_valves_are_damped_and_bear_higher_gains() {
-        let model = |time_constant: f64, natural_frequency: f64, mass: f64| {
-            let swinging = Commissioned { natural_frequency, damping: 0.1, mass, dead_time: 0.002, ..commissioned() };
-            Commissioned { time_constant: time_constant + swinging.swing_delay(), ..swinging }
+    fn a_load_that_is_damped_bears_higher_gains() {
+        let fast = Commissioned {
+            dead_time: 0.002,
+            time_constant: 0.015 + 0.2 / (TAU * 2.5),
+            natural_frequency: 2.5,
+            damping: 0.1,
+            ..commissioned()
         };
-        let fast = model(0.015, 2.5, 1e5);
-        assert_eq!(pressure_damping(&fast, PERIOD), PRESSURE_DAMPING);
-        for undamped in [model(0.06, 2.5, 1e5), model(0.015, 0.0, 1e5), model(0.015, 2.5, f64::INFINITY)] {
-            assert_eq!(pressure_damping(&undamped, PERIOD), 0.0);
-        }
         let gains = |pressure_damping: f64| {
             let control = Control { kp: 50.0, ki: 500.0, pressure_damping, ..machine(1).axes[0].control };
             let control = with_margin(&Control { law: Law::Predictive, ..control }, &fast, PERIOD);
@@ -432,7 +412,7 @@ mod tests {
             assert!(gain >= LEAST_GAIN_MARGIN, "{gain}");
             control.kp
         };
-        assert!(gains(PRESSURE_DAMPING) > 2.0 * gains(0.0), "{} {}", gains(PRESSURE_DAMPING), gains(0.0));
+        assert!(gains(0.3) > 2.0 * gains(0.0), "{} {}", gains(0.3), gains(0.0));
     }
 
     fn axis(dead_time: f64) -> Axis {

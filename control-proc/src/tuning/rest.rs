@@ -22,6 +22,7 @@
 use pipeline::machine::{Commissioned, Control};
 
 use super::{LONG_REST, LONGEST_STEP, RESTING_MOTION, Tried, axis::SimulatedAxis};
+use crate::margins::moved;
 
 /// Jump of the reference, m.
 const JUMP: f64 = 0.05;
@@ -75,7 +76,7 @@ impl RestLoop<'_> {
     /// Whether the loop swings with `gain` times the gain of the plant and `late` s more of dead time.
     fn swings(&self, gain: f64, late: f64) -> bool {
         let Self { control, model, resolution, period } = *self;
-        let plant = Commissioned { dead_time: model.dead_time + late, ..super::moved(control, model) };
+        let plant = Commissioned { dead_time: model.dead_time + late, ..moved(control, model) };
         let substeps = (period / LONGEST_STEP).ceil().max(1.0);
         let mut axis = SimulatedAxis::of(&plant, period / substeps).with_gain(gain);
         let mut tried = Tried::new(control, model, period);

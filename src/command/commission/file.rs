@@ -52,7 +52,8 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commis
          # where its loop would swing with 1.7 times the speeds at the mean slope of the curve.\n",
         machine.escape_default()
     );
-    for (Axis { name, hardware, .. }, model, control) in found {
+    for (axis, model, control) in found {
+        let Axis { name, hardware, .. } = axis;
         if let Some(control) = control {
             let Control { kp, ki, feedforward, dead_band: DeadBand { extend, retract }, law, .. } = control;
             // A key that is not written would stay what it is in the machine file.
@@ -68,7 +69,7 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commis
                     (String::new(), "model = \"none\"    # the fallback follows as well as a model would\n".to_owned())
                 }
             };
-            let damping = Some(control.pressure_damping).filter(|more| *more > 0.0);
+            let damping = Some(control.pressure_damping).filter(|_| axis.measures_force());
             let damping = damping.map_or_else(String::new, |more| format!("pressure_damping = {more:?}\n"));
             // Writing to a string cannot fail.
             let _ = write!(

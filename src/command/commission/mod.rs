@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 
 use control_proc::{
     commission::{ExperimentOptions, ExperimentRecord, Phase},
-    tuning::{Baseline, LEAST_FIT, is_poor, pressure_damping, smith, softest, with_margin},
+    fallback::pressure,
+    tuning::{Baseline, LEAST_FIT, is_poor, smith, softest, with_margin},
 };
 use pipeline::{
     channel::{Prefix, remove_leftovers},
@@ -216,8 +217,7 @@ pub fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Co
     }
     let period = machine.timing.period.as_secs_f64();
     let mut axis = Axis { commissioned: Some(model.clone()), ..machine.axes[index].clone() };
-    let measures_force = axis.pressure.is_some() && axis.plant.is_some();
-    axis.control.pressure_damping = if measures_force { pressure_damping(model, period) } else { 0.0 };
+    axis.control.pressure_damping = if axis.measures_force() { pressure::ratio(model, period) } else { 0.0 };
     // Feed-forward must not look further ahead than the longest preview.
     let is_near = model.reaction() <= MAX_DELAY as f64 * period;
     let baseline = if is_near { Baseline::Feedforward } else { Baseline::DeadBand };

@@ -285,3 +285,27 @@ fn read_feedforward(section: &mut Section, name: &str, commissioned: Option<&Com
     }
     feedforward
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::machine::Machine;
+
+    #[test]
+    fn damping_by_pressures_needs_transducers_and_a_load_that_swings() {
+        let load = |settings: &[(&str, &str)]| {
+            let settings: Vec<_> =
+                settings.iter().map(|(key, value)| (format!("axis.boom.{key}"), (*value).to_owned())).collect();
+            Machine::load(None, &settings)
+        };
+        let (damping, transducers) = (("control.pressure_damping", "0.3"), ("pressure.resolution", "1e3"));
+        assert_eq!(load(&[damping, transducers]).unwrap().axes[0].control.pressure_damping, 0.3);
+        let refused = |settings: &[(&str, &str)]| load(settings).unwrap_err().to_string();
+        let text = refused(&[damping]);
+        assert!(text.contains("axis.boom.control.pressure_damping: found 0.3"), "{text}");
+        assert!(text.contains("allowed: 0 without [axis.boom.pressure] and the areas of [axis.boom.plant]"), "{text}");
+        let text = refused(&[damping, transducers, ("commissioned.natural_frequency", "0")]);
+        assert!(text.contains("allowed: 0 without natural_frequency and mass of [axis.boom.commissioned]"), "{text}");
+        let text = refused(&[("control.pressure_damping", "2"), transducers]);
+        assert!(text.contains("axis.boom.control.pressure_damping: found 2"), "{text}");
+    }
+}

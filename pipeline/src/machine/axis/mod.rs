@@ -181,6 +181,11 @@ impl Axis {
         }
     }
 
+    /// Whether pressures of both chambers are measured, and the areas of the piston are known.
+    pub fn measures_force(&self) -> bool {
+        self.pressure.is_some() && self.plant.is_some()
+    }
+
     /// The limits of the motion, for a command every `period` s.
     pub fn motion_limits(&self, period: f64) -> MotionLimits {
         self.control.limits.limits(&Nature {

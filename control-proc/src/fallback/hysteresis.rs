@@ -14,9 +14,9 @@
 //! that comes at once chatters with every count of noise: so it comes over the way s.
 
 /// Way over which the compensation comes and goes, as part of the hysteresis.
-const TURN: f64 = 0.5;
+const TURN: f64 = 0.15;
 /// Part of the hysteresis that is compensated.
-const COMPENSATED: f64 = 0.8;
+const COMPENSATED: f64 = 1.0;
 
 /// The inverse of one valve's hysteresis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,10 +87,11 @@ mod tests {
 
     #[test]
     fn a_command_that_turns_back_by_the_way_is_compensated() {
-        let mut inverse = Hysteresis::new(0.04);
+        let (h, way) = (0.04, TURN * 0.04);
+        let mut inverse = Hysteresis::new(h);
         inverse.update(0.5);
-        assert!((inverse.update(0.48) - (0.48 - 0.032)).abs() < 1e-12);
-        assert!((inverse.update(0.49) - (0.49 - 0.016)).abs() < 1e-12);
+        assert!((inverse.update(0.5 - way) - (0.5 - way - COMPENSATED * h)).abs() < 1e-12);
+        assert!((inverse.update(0.5 - 0.5 * way) - (0.5 - 0.5 * way - 0.5 * COMPENSATED * h)).abs() < 1e-12);
         assert!((inverse.update(0.5) - 0.5).abs() < 1e-12);
     }
 }

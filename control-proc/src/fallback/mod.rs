@@ -65,7 +65,7 @@ use crate::{load::Load, margins::mean_slope, protection::limits::Limits};
 pub const BLEND_WIDTH: f64 = 0.01;
 
 /// T_l by the reaction of the axis and a period.
-const LEARNING: f64 = 24.0;
+const LEARNING: f64 = 12.0;
 /// L_max, an opening.
 pub const MOST_LEARNED: f64 = 0.1;
 
@@ -459,9 +459,10 @@ mod tests {
             let lacks = if command > 0.0 { 0.04 } else { 0.02 };
             position += 0.01 * model.speed(command - lacks);
         }
-        let middle = |motion: usize| errors[motion * turn + turn / 2];
+        // After 1 s of a motion.
+        let soon = |motion: usize| errors[motion * turn + turn / 6];
         for side in 0..2 {
-            let (first, last) = (middle(side), middle(18 + side));
+            let (first, last) = (soon(side), soon(18 + side));
             assert!(first > 1.5e-3 && last < 0.2 * first, "{side}: {first} m, {last} m");
         }
         let [extend, retract] = fallback.memory.learned;

@@ -11,7 +11,7 @@
 //! u(k) = H(C(v - v_p))          C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
 //! v_r  = C^-1(u_r)                          0 without feed-forward
 //! q    = max(1, g c'(u_r)/(r c'_m)) / p      1 / p at rest and without feed-forward
-//! L(k+1) = L(k) + a kp e(k) T/(q T_l)  |L| <= L_max      a = min(|v_r| / w, 1)      T_l = 24 (t_d + tau + T)
+//! L(k+1) = L(k) + a kp e(k) T/(q T_l)  |L| <= L_max      a = min(|v_r| / w, 1)      T_l = 12 (t_d + tau + T)
 //! ```
 //!
 //! e following error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead
@@ -26,8 +26,8 @@
 //!
 //! L is what the feed-forward lacks, one number for each direction: a commissioned curve is least exact where it
 //! begins, and dead bands drift. It is learned while the reference moves and acts only then, so that at rest, where an
-//! integral makes an axis with a dead band cycle, the loop is the one without it. T_l is so long that the margins of
-//! the loop hardly change; L_max is [`MOST_LEARNED`].
+//! integral makes an axis with a dead band cycle, the loop is the one without it. T_l is so long that the loop keeps
+//! 95 % of its margins; L_max is [`MOST_LEARNED`].
 //!
 //! q keeps the margins of the loop while the axis moves: they hold for the mean slope c'_m of the static curve c, and
 //! the curve of a pilot-operated valve is an S, in its middle much steeper. r is [`SPARED`]: of a straight curve with

@@ -74,10 +74,9 @@ fn hold(scenario: &Scenario, by: By) -> Vec<Run> {
         By::Predictive => machine(&scenario.name, ModelChoice::Adaptive, moves),
         By::Chosen => {
             let mut machine = machine_as_chosen(&scenario.name, ModelChoice::Adaptive, moves);
-            let (smith, others): (Vec<_>, Vec<_>) =
-                machine.axes.iter_mut().partition(|axis| axis.control.law == Law::Smith);
-            assert!(smith.len() >= 2, "only {} axes by the Smith predictor", smith.len());
-            others.into_iter().for_each(|axis| axis.control.model = ModelChoice::None);
+            let left = machine.axes.iter_mut().filter(|axis| axis.control.law == Law::Predictive);
+            let left = left.map(|axis| axis.control.model = ModelChoice::None).count();
+            assert!(left <= 2, "{left} axes are left to the fallback");
             machine
         }
     };

@@ -264,10 +264,11 @@ impl Fallback {
         (steepness / SPARED).max(1.0)
     }
 
-    /// What the pressures take off an opening: never more than the opening, so they do not move an axis.
+    /// What the pressures take off an opening: never more than the opening, so they do not move an axis. Trap: `clamp`
+    /// panics where the opening is no number, as after two errors that are not finite.
     fn damped(&self, opening: f64, phase: usize, steepness: f64) -> f64 {
         let speed = self.load.damping[phase] * self.damping.speed;
-        (speed / (steepness * self.slope)).clamp(-opening.abs(), opening.abs())
+        (speed / (steepness * self.slope)).max(-opening.abs()).min(opening.abs())
     }
 
     /// v_r + a L of this u_r.
@@ -415,6 +416,16 @@ mod tests {
         assert_eq!(command(10.0, 0.05), 0.0);
         assert!((command(-10.0, 0.05) - (0.4 + 0.08)).abs() < 1e-12);
         assert_eq!(command(-10.0, -0.05), 0.0);
+    }
+
+    #[test]
+    fn errors_beyond_all_numbers_lead_to_a_command_within_the_limits() {
+        let mut fallback = fallback();
+        fallback.resume(0.0, 1e308, 0.0);
+        for error in [1e308, -1e308, 0.01] {
+            let command = fallback.update(error, 0.0, 0.0);
+            assert!(command.is_finite() && command.abs() <= 1.0, "{error}: {command}");
+        }
     }
 
     /// A long error at rest asks for the other direction than the motion that follows.

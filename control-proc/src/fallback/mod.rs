@@ -11,7 +11,7 @@
 //! u(k) = H(C(v - v_p))          C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
 //! v_r  = C^-1(u_r)                          0 without feed-forward
 //! q    = max(1, g c'(u_r)/(r c'_m)) / p      1 / p at rest and without feed-forward
-//! L(k+1) = L(k) + a kp e(k) T/(q T_l)  |L| <= L_max      a = min(|v_r| / w, 1)      T_l = 12 (t_d + tau + T)
+//! L(k+1) = L(k) + a kp e(k) T/(q T_l)  |L| <= L_max      a = min(|v_r| / w, 1)      T_l = 24 (t_d + tau + T)
 //! ```
 //!
 //! e following error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead
@@ -26,8 +26,8 @@
 //!
 //! L is what the feed-forward lacks, one number for each direction: a commissioned curve is least exact where it
 //! begins, and dead bands drift. It is learned while the reference moves and acts only then, so that at rest, where an
-//! integral makes an axis with a dead band cycle, the loop is the one without it. T_l is so long that the loop keeps
-//! 95 % of its margins; L_max is [`MOST_LEARNED`].
+//! integral makes an axis with a dead band cycle, the loop is the one without it. T_l is so long that the margins of
+//! the loop hardly change; L_max is [`MOST_LEARNED`].
 //!
 //! q keeps the margins of the loop while the axis moves: they hold for the mean slope c'_m of the static curve c, and
 //! the curve of a pilot-operated valve is an S, in its middle much steeper. r is [`SPARED`]: of a straight curve with
@@ -65,7 +65,7 @@ use crate::{load::Load, margins::mean_slope, protection::limits::Limits};
 pub const BLEND_WIDTH: f64 = 0.01;
 
 /// T_l by the reaction of the axis and a period.
-const LEARNING: f64 = 12.0;
+const LEARNING: f64 = 24.0;
 /// L_max, an opening.
 pub const MOST_LEARNED: f64 = 0.1;
 
@@ -470,10 +470,9 @@ mod tests {
             let lacks = if command > 0.0 { 0.04 } else { 0.02 };
             position += 0.01 * model.speed(command - lacks);
         }
-        // After 1 s of a motion.
-        let soon = |motion: usize| errors[motion * turn + turn / 6];
+        let middle = |motion: usize| errors[motion * turn + turn / 2];
         for side in 0..2 {
-            let (first, last) = (soon(side), soon(18 + side));
+            let (first, last) = (middle(side), middle(18 + side));
             assert!(first > 1.5e-3 && last < 0.2 * first, "{side}: {first} m, {last} m");
         }
         let [extend, retract] = fallback.memory.learned;

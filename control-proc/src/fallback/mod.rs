@@ -232,7 +232,8 @@ impl Fallback {
         let integral = self.memory.integrals[now];
         let opening = proportional + integral + self.memory.offset + self.coming_opening(forward);
         let opening = opening - self.damped(opening, now, steepness);
-        let wanted = self.memory.hysteresis.update(self.compensated(opening));
+        let (_, side, moving) = self.moving(forward);
+        let wanted = self.memory.hysteresis.update(self.compensated(opening), moving);
         self.memory.offset *= self.kept.offset;
         for idle in (0..3).filter(|phase| *phase != now) {
             self.memory.integrals[idle] *= self.kept.idle;
@@ -240,7 +241,6 @@ impl Fallback {
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
             self.memory.integrals[now] = self.bounded(integral + part * gain * self.ki_period * error);
-            let (_, side, moving) = self.moving(forward);
             let learned = self.memory.learned[side] + moving * gain * self.learning * error;
             self.memory.learned[side] = learned.clamp(-MOST_LEARNED, MOST_LEARNED);
         }

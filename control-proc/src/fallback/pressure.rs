@@ -43,7 +43,7 @@ const MOVES: f64 = 5e-3;
 pub const RATIO: f64 = 0.3;
 /// Largest w t of an axis that is damped, t time from the pressures to the motion in s. Trap: a machine has swings of
 /// several axes at once, two and three times as fast as that of one; pressures that act late excite them.
-const LATEST: f64 = 0.7;
+const LATEST: f64 = 1.2;
 
 /// zeta_p for an axis with this model, which measures the force of its cylinder, with a command every `period` s: 0
 /// where the load does not swing, its mass is not known, or the valve is too slow.

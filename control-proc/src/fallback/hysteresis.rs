@@ -8,7 +8,7 @@
 //! w command that the curve of rising commands asks for, u command that is sent, p the magnitude that w turned back
 //! from, h hysteresis of [`pipeline::machine::Commissioned`], a part of the motion of the reference as in
 //! [`crate::fallback`], 0 at rest; b part of the hysteresis that is compensated, and s way over which that comes and
-//! goes, at rest ([`AT_REST`]) and in motion ([`IN_MOTION`]). Behind a play of width h the spool stays where it is
+//! goes, at rest (`AT_REST`) and in motion (`IN_MOTION`). Behind a play of width h the spool stays where it is
 //! until a command has turned back by h; so u turns back by b h more than w does. Source: inverse of the play operator,
 //! as usual for valves with friction.
 //!

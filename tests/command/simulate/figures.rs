@@ -5,10 +5,10 @@ use super::{cli::success, harness::report};
 #[test]
 fn the_model_is_compared_with_the_fallback_where_both_have_controlled() {
     let folder = tempfile::tempdir().unwrap();
-    // The commissioned model is of warm oil: it loses control of a cold axis for a while.
-    let cold = ["simulate", "--scenario", "cold-start", "--duration"];
-    let text = success(folder.path(), &[&cold[..], &["40s"]].concat());
-    let figures = report(&[&cold[..], &["40s"]].concat());
+    // The commissioned model is of new valves: it loses control of worn ones for a while.
+    let worn = ["simulate", "--scenario", "valve-wear", "--duration"];
+    let text = success(folder.path(), &[&worn[..], &["40s"]].concat());
+    let figures = report(&[&worn[..], &["40s"]].concat());
     let (_, lines) = text.split_once("Tracking error in this run").unwrap();
     let mut compared = 0;
     for axis in ["arm", "telescope", "bucket"] {
@@ -21,7 +21,7 @@ fn the_model_is_compared_with_the_fallback_where_both_have_controlled() {
     }
     assert!(compared > 0, "{text}");
     assert!(!lines.contains(" boom: "), "no model controls it: {text}");
-    let short = success(folder.path(), &[&cold[..], &["5s"]].concat());
+    let short = success(folder.path(), &[&worn[..], &["5s"]].concat());
     assert!(!short.contains("Tracking error in this run"), "{short}");
 }
 

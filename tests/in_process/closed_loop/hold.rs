@@ -56,7 +56,7 @@ impl Run {
 enum By {
     Fallback,
     Predictive,
-    /// The law that commissioning chooses: the Smith predictor.
+    /// The law that commissioning chooses: the Smith predictor, or the fallback where that follows as well.
     Chosen,
 }
 
@@ -73,8 +73,10 @@ fn hold(scenario: &Scenario, by: By) -> Vec<Run> {
         By::Fallback => machine(&scenario.name, ModelChoice::None, moves),
         By::Predictive => machine(&scenario.name, ModelChoice::Adaptive, moves),
         By::Chosen => {
-            let machine = machine_as_chosen(&scenario.name, ModelChoice::Adaptive, moves);
-            assert!(machine.axes.iter().all(|axis| axis.control.law != Law::Predictive));
+            let mut machine = machine_as_chosen(&scenario.name, ModelChoice::Adaptive, moves);
+            let left = machine.axes.iter_mut().filter(|axis| axis.control.law == Law::Predictive);
+            let left: Vec<_> = left.map(|axis| axis.control.model = ModelChoice::None).collect();
+            assert!(left.len() <= 1, "{} axes are left to the fallback", left.len());
             machine
         }
     };

@@ -37,21 +37,21 @@ fn commissioned() -> &'static [(String, String)] {
 /// The four axes in a scenario, commissioned, with feed-forward, this choice of model under predictive control, and
 /// references of the test.
 fn machine(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) -> ReferenceSource) -> Machine {
-    let mut machine = machine_as_chosen(scenario, model, reference);
+    let mut machine = machine_as_chosen(scenario, reference);
     for axis in &mut machine.axes {
-        axis.control.law = Law::Predictive;
+        (axis.control.model, axis.control.law) = (model, Law::Predictive);
         (axis.identification.memory, axis.identification.hysteresis) = (GREY_BOX_MEMORY, 0.0);
     }
     machine
 }
 
-/// The four axes in a scenario, commissioned, with feed-forward, this choice of model under the law that commissioning
-/// has chosen, and references of the test.
-fn machine_as_chosen(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) -> ReferenceSource) -> Machine {
+/// The four axes in a scenario, commissioned, with feed-forward, model and law that commissioning has chosen, and
+/// references of the test.
+fn machine_as_chosen(scenario: &str, reference: impl Fn((f64, f64)) -> ReferenceSource) -> Machine {
     let scenario = ("scenario".to_owned(), scenario.to_owned());
     let mut machine = Machine::four_axes(&[commissioned(), &[scenario]].concat()).unwrap();
     for axis in &mut machine.axes {
-        (axis.control.model, axis.control.feedforward) = (model, true);
+        axis.control.feedforward = true;
         axis.reference = reference(axis.soft_limits);
     }
     machine

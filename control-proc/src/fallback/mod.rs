@@ -8,7 +8,7 @@
 //!
 //! ```text
 //! e(k) = y_r(k) - y(k)          v(k) = kp e(k)/q + I(k) + v_r(k) + a L(k)        I(k+1) = I(k) + p ki T e(k)/q
-//! u(k) = H(C(v - v_p))          C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
+//! u(k) = H(C(v - v_p), a)       C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
 //! v_r  = C^-1(u_r)                          0 without feed-forward
 //! q    = max(1, g c'(u_r)/(r c'_m)) / p      1 / p at rest and without feed-forward
 //! L(k+1) = L(k) + a kp e(k) T/(q T_l)  |L| <= L_max      a = min(|v_r| / w, 1)      T_l = 24 (t_d + tau + T)
@@ -16,7 +16,7 @@
 //!
 //! e following error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead
 //! band, w [`BLEND_WIDTH`], H the inverse of the [`hysteresis`] that was commissioned, u_r the command of
-//! [`feedforward`]; H(u) = u without feed-forward. The fallback needs no identified model: it controls while the
+//! [`feedforward`]; H(u, a) = u without feed-forward. The fallback needs no identified model: it controls while the
 //! identifier is trained, and takes over whenever the model may not be used. Source: the usual loop of mobile
 //! hydraulics.
 //!

@@ -125,7 +125,7 @@ fn five_hundred_targets_lead_no_axis_of_the_fallback_beyond_a_soft_limit() {
 
 #[test]
 fn five_hundred_targets_lead_no_axis_of_the_chosen_law_beyond_a_soft_limit() {
-    let machine = machine_as_chosen("nominal", ModelChoice::Adaptive, |_| ReferenceSource::Channel);
+    let machine = machine_as_chosen("nominal", |_| ReferenceSource::Channel);
     let seen = go(machine, TARGETS, 2);
     expect_within(&seen);
     assert!(seen.by_model * TARGETS as f64 > BY_MODEL, "{seen:?}");

@@ -73,10 +73,9 @@ fn hold(scenario: &Scenario, by: By) -> Vec<Run> {
         By::Fallback => machine(&scenario.name, ModelChoice::None, moves),
         By::Predictive => machine(&scenario.name, ModelChoice::Adaptive, moves),
         By::Chosen => {
-            let mut machine = machine_as_chosen(&scenario.name, ModelChoice::Adaptive, moves);
-            let left = machine.axes.iter_mut().filter(|axis| axis.control.law == Law::Predictive);
-            let left: Vec<_> = left.map(|axis| axis.control.model = ModelChoice::None).collect();
-            assert!(left.len() <= 1, "{} axes are left to the fallback", left.len());
+            let machine = machine_as_chosen(&scenario.name, moves);
+            let by_fallback = machine.axes.iter().filter(|axis| axis.control.law == Law::Predictive);
+            assert!(by_fallback.count() <= 1, "axes that commissioning leaves to their fallback");
             machine
         }
     };

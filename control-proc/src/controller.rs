@@ -79,7 +79,9 @@ impl Controller {
     /// The trajectory file of an axis is refused.
     pub fn new(machine: &Machine) -> Result<Self, ReferenceError> {
         let axes = machine.axes.iter().take(MAX_AXES).enumerate();
-        let axes: Vec<_> = axes.map(|(i, axis)| AxisController::new(i, axis, &machine.timing)).collect();
+        let loads = Loads::of(machine);
+        let ahead = loads.as_ref().map_or(0, Loads::ahead);
+        let axes: Vec<_> = axes.map(|(i, axis)| AxisController::new(i, axis, &machine.timing, ahead)).collect();
         let period = machine.timing.period.as_secs_f64();
         Ok(Self {
             generator: read_references(machine)?,
@@ -88,7 +90,7 @@ impl Controller {
             axes,
             linkage: Linkage {
                 walls: Walls::of(machine),
-                loads: Loads::of(machine),
+                loads,
                 payload: Payload::of(machine),
                 teeth: TipWatch::of(machine),
             },
@@ -262,12 +264,15 @@ impl Controller {
     /// position is not known, that stays as it was.
     fn bear_loads(&mut self, sample: &EncoderSample) {
         let motion = self.motion();
-        let Some((loads, (positions, speeds))) = self.linkage.loads.as_ref().zip(motion) else { return };
+        let Some((loads, (positions, speeds))) = self.linkage.loads.as_mut().zip(motion) else { return };
         let payload = self.linkage.payload.as_mut().map(|payload| {
             payload.update(sample, &positions, &speeds);
             payload.mass()
         });
-        for (axis, load) in self.axes.iter_mut().zip(loads.at(&positions, payload)) {
+        let mut references = [None; AXES];
+        references.iter_mut().zip(&self.axes).for_each(|(of, axis)| *of = axis.coming());
+        let all = loads.at(&positions, payload, &references);
+        for (axis, load) in self.axes.iter_mut().zip(all) {
             axis.bear(load);
         }
     }

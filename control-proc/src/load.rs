@@ -3,6 +3,7 @@
 //! ```text
 //! g_i = max(1, sqrt(P_i / P_0i))          r_i = s_i min(1, sqrt(m_i / M_ii))          p_i = min(1, G_i(r_i) / G_i(1))
 //! s_i = root of the part of the stiffness that the drained chamber has where g_i > 1, else 1        n_i = r_i / s_i^2
+//! v_F = what the forces of the coming motion take of the speed (`oil`)
 //! ```
 //!
 //! P_i force with which the load pulls in the direction of the motion, N, at rest and with the payload of the machine
@@ -16,6 +17,8 @@
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
+mod oil;
+
 use mechanism::{AXES, CylinderDynamics, PreparedMechanism, Vector};
 use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Overrun};
 
@@ -24,6 +27,7 @@ use crate::{
     margins::{Loop, mean_slope},
     payload::carrying,
 };
+use oil::Oil;
 
 /// Step of r at which p is known, and number of these steps: down to a sixth of the frequency of the commissioning.
 const STEP: f64 = 0.05;
@@ -40,11 +44,13 @@ pub struct Load {
     pub gain: [f64; 3],
     /// By how much a pressure counts more in the damping of the swing, in the same order.
     pub damping: [f64; 3],
+    /// v_F, m/s.
+    pub oil: f64,
 }
 
 impl Load {
     /// An axis whose load is not known, or is that of its commissioning.
-    pub const USUAL: Self = Self { faster: [1.0; 2], gain: [1.0; 3], damping: [1.0; 3] };
+    pub const USUAL: Self = Self { faster: [1.0; 2], gain: [1.0; 3], damping: [1.0; 3], oil: 0.0 };
 
     /// g of a motion in this direction.
     pub fn faster(&self, direction: f64) -> f64 {
@@ -95,6 +101,7 @@ impl Commissioning {
             faster,
             gain: softer.map(|softer| self.part(lighter * softer)),
             damping: softer.map(|softer| lighter / softer),
+            oil: 0.0,
         }
     }
 
@@ -135,6 +142,7 @@ fn slower(model: &Commissioned, r: f64) -> Commissioned {
 pub struct Loads {
     mechanism: PreparedMechanism,
     axes: [Commissioning; AXES],
+    oil: [Option<Oil>; AXES],
     /// With an empty bucket and with the heaviest payload, where the payload is estimated.
     payloads: Option<[PreparedMechanism; 2]>,
     /// kg.
@@ -152,22 +160,40 @@ impl Loads {
             payloads: heaviest.map(|heaviest| [0.0, heaviest].map(|mass| carrying(mechanism, mass))),
             heaviest: heaviest.unwrap_or(f64::INFINITY),
             axes: axes.each_ref().map(|axis| Commissioning::of(axis, period)),
+            oil: axes.each_ref().map(|axis| Oil::of(axis, period)),
         })
     }
 
+    /// Number of coming ticks whose references are used.
+    pub fn ahead(&self) -> usize {
+        self.oil.iter().flatten().map(Oil::ahead).max().unwrap_or_default()
+    }
+
     /// What the loads do with the cylinders at `positions` m and `payload` kg in the bucket; without that, as much as
-    /// the machine file says.
-    pub fn at(&self, positions: &[f64; AXES], payload: Option<f64>) -> [Load; AXES] {
-        let CylinderDynamics { mass, load } = self.dynamics(positions, payload);
-        std::array::from_fn(|i| self.axes[i].load(load[i], mass[i][i], positions[i]))
+    /// the machine file says. `references` of the axes, m, begin with those of the last tick.
+    pub fn at(
+        &mut self,
+        positions: &[f64; AXES],
+        payload: Option<f64>,
+        references: &[Option<&[f64]>; AXES],
+    ) -> [Load; AXES] {
+        let CylinderDynamics { mass, load } = self.dynamics(positions, &[0.0; AXES], payload);
+        let mut all = std::array::from_fn(|i| self.axes[i].load(load[i], mass[i][i], positions[i]));
+        let mut oil = self.oil;
+        for (i, (load, oil)) in all.iter_mut().zip(&mut oil).enumerate() {
+            if let Some(oil) = oil {
+                load.oil = oil.update(i, references, |positions, speeds| self.dynamics(positions, speeds, payload));
+            }
+        }
+        self.oil = oil;
+        all
     }
 
     /// Both force and mass are linear in the payload.
-    fn dynamics(&self, positions: &[f64; AXES], payload: Option<f64>) -> CylinderDynamics {
-        let Some((payload, [empty, full])) = payload.zip(self.payloads.as_ref()) else {
-            return dynamics_at_rest(&self.mechanism, positions);
-        };
-        let (mut now, full) = (dynamics_at_rest(empty, positions), dynamics_at_rest(full, positions));
+    fn dynamics(&self, positions: &[f64; AXES], speeds: &[f64; AXES], payload: Option<f64>) -> CylinderDynamics {
+        let of = |of: &PreparedMechanism| of.dynamics(&of.pose(positions), speeds, Vector::default());
+        let Some((payload, [empty, full])) = payload.zip(self.payloads.as_ref()) else { return of(&self.mechanism) };
+        let (mut now, full) = (of(empty), of(full));
         let part = payload / self.heaviest;
         for i in 0..AXES {
             now.load[i] += part * (full.load[i] - now.load[i]);
@@ -209,7 +235,7 @@ mod tests {
                 (model.overrun.extend, model.mass, model.natural_frequency) = (1e4, 2e4, frequency);
                 (model.dead_time, model.time_constant, model.damping) = (0.0, 0.1, 0.1);
             });
-            Loads::of(&machine).unwrap().at(&OUT, None)[1]
+            Loads::of(&machine).unwrap().at(&OUT, None, &[None; AXES])[1]
         };
         let (empty, loaded) = (at(0.0, 4.0), at(1500.0, 4.0));
         assert!(empty.faster[0] > 1.2 && loaded.faster[0] > 1.4 * empty.faster[0], "{empty:?} {loaded:?}");
@@ -247,8 +273,8 @@ mod tests {
         let (estimating, mut told) = (Machine::load(None, &settings).unwrap(), Machine::load(None, &[]).unwrap());
         for mass in [0.0, 400.0, 1500.0, 3000.0] {
             told.mechanism.as_mut().unwrap().masses.payload.mass = mass;
-            let estimated = Loads::of(&estimating).unwrap().dynamics(&OUT, Some(mass));
-            let expected = Loads::of(&told).unwrap().dynamics(&OUT, None);
+            let estimated = Loads::of(&estimating).unwrap().dynamics(&OUT, &[0.0; AXES], Some(mass));
+            let expected = Loads::of(&told).unwrap().dynamics(&OUT, &[0.0; AXES], None);
             for i in 0..AXES {
                 assert!((estimated.load[i] / expected.load[i] - 1.0).abs() < 1e-9, "{i} {mass}");
                 assert!((estimated.mass[i][i] / expected.mass[i][i] - 1.0).abs() < 1e-9, "{i} {mass}");
@@ -261,12 +287,12 @@ mod tests {
         assert_eq!(Loads::of(&Machine::four_axes(&[]).unwrap()), None);
         let mut machine = excavator(1500.0);
         let usual = [Load::USUAL; AXES];
-        assert_eq!(Loads::of(&machine).unwrap().at(&OUT, None), usual, "nothing was found");
+        assert_eq!(Loads::of(&machine).unwrap().at(&OUT, None, &[None; AXES]), usual, "nothing was found");
         arm(&mut machine, |model| model.overrun.extend = 1e4);
-        assert_ne!(Loads::of(&machine).unwrap().at(&OUT, None), usual);
+        assert_ne!(Loads::of(&machine).unwrap().at(&OUT, None, &[None; AXES]), usual);
         machine.axes[1].control.without.load = true;
-        assert_eq!(Loads::of(&machine).unwrap().at(&OUT, None), usual);
+        assert_eq!(Loads::of(&machine).unwrap().at(&OUT, None, &[None; AXES]), usual);
         machine.axes.iter_mut().for_each(|axis| (axis.commissioned, axis.control.without.load) = (None, false));
-        assert_eq!(Loads::of(&machine).unwrap().at(&OUT, None), usual);
+        assert_eq!(Loads::of(&machine).unwrap().at(&OUT, None, &[None; AXES]), usual);
     }
 }

@@ -129,19 +129,19 @@ pub struct AxisController {
 }
 
 impl AxisController {
-    /// Disarmed. `index` is the axis' number in the messages.
-    pub fn new(index: usize, axis: &Axis, timing: &Timing) -> Self {
+    /// Disarmed. `index` is the axis' number in the messages. References are worked out for at least `ahead` ticks.
+    pub fn new(index: usize, axis: &Axis, timing: &Timing, ahead: usize) -> Self {
         let period = timing.period.as_secs_f64();
         let control = &axis.control;
         let fallback = Fallback::new(control, axis.commissioned.as_ref(), period);
         let law = ModelLaw::new(axis, period);
-        let ahead = ModelLaw::ahead(axis, period).max(fallback.ahead());
+        let used = ModelLaw::ahead(axis, period).max(fallback.ahead());
         Self {
             operation: Operation::new(index, axis, timing),
             state: StateMachine::new(timing),
             feedback: Feedback::new(axis, timing),
             gate: Gate::new(axis, timing),
-            references: References::new(index, axis, period, ahead),
+            references: References::new(index, axis, period, used, ahead),
             law,
             fallback,
             standstill: Standstill::new(axis, period),
@@ -293,6 +293,11 @@ impl AxisController {
             }
             _ => self.stand(snapshot_flags),
         }
+    }
+
+    /// The references of the last tick and of those after it, m; none for an axis that follows no reference.
+    pub fn coming(&self) -> Option<&[f64]> {
+        self.follows().then(|| self.references.coming())
     }
 
     /// The axis bears this load from now on.

@@ -3,21 +3,23 @@
 //! ```text
 //! L   = t_d + tau + T/2
 //! v_r = (y_r(t + L + T/2) - y_r(t + L - T/2)) / T          straight lines between the references of the ticks
-//! u_r = b + (c^-1(v_r / g) - b) min(|v_r| / v_s, 1)
+//! u_r = b + (c^-1((v_r + v_F) / g) - b) min(|v_r| / v_s, 1)
 //! ```
 //!
 //! y_r reference in m, t now, T period in s, t_d dead time and tau time constant in s, c static curve of
-//! [`Commissioned`], g what the load makes of its speeds ([`Load`]), v_r coming speed in m/s, v_s [`STILL`], u_r
-//! command. b is the part of the dead band that is compensated ([`Commissioned::compensated_dead_band`]), in the
-//! direction of the motion that begins in the 2 tau_s after t + L, and 0 where none does; tau_s is tau without the
-//! delay of a load that swings. A command that is sent now acts in the middle of its period and moves the axis after
+//! [`Commissioned`], g what the load makes of its speeds and v_F what the forces of the motion take of them ([`Load`]),
+//! which never turns a motion round, v_r coming speed in m/s, v_s [`STILL`], u_r command. b is the part of the dead
+//! band that is compensated ([`Commissioned::compensated_dead_band`]), in the direction of the motion that begins in
+//! the 2 tau_s after t + L, or in the [`STANDBY`] after it where that is longer, and 0 where none does; tau_s is tau
+//! without the delay of a load that swings. A command that is sent now acts in the middle of its period and moves the axis after
 //! dead time and lag; hence the lead L. Source: the usual loop of mobile hydraulics, with references that are known
 //! ahead.
 //!
 //! Traps: without the lead, feed-forward is late by the dead time, and the feedback corrects an error that is none. The
 //! references of a channel end with the preview of its message: beyond it the axis is assumed to stand. And a spool
-//! that has to cross its dead band when a motion begins is late by two or three of its time constants; hence b. Sooner
-//! than 2 tau_s it must not be there: where the dead band has become smaller than b, the axis creeps as long.
+//! that has to cross its dead band when a motion begins is late by two or three of its time constants, and so is a pump
+//! that stands by and sees the load only through an open valve; hence b. Sooner it must not be there: where the dead
+//! band has become smaller than b, the axis creeps as long.
 
 use pipeline::machine::Commissioned;
 
@@ -40,6 +42,10 @@ pub struct Coming {
 
 /// Time before the begin of a motion at which the spool is brought to its edge, in tau_s.
 const BEFORE: f64 = 2.0;
+/// Least time before it, s: the usual response of a load-sensing pump.
+const STANDBY: f64 = 0.1;
+/// Part of the speed of a motion that its forces may take off the command.
+const MOST_OPPOSED: f64 = 0.9;
 
 /// Range of commands on either side over which a slope is taken, in parts of the largest opening.
 const AROUND: f64 = 0.25;
@@ -70,7 +76,7 @@ impl Feedforward {
             mean_slope: mean_slope(model),
             period,
             lead: model.reaction() / period,
-            before: (BEFORE * spool / period).ceil() as usize,
+            before: ((BEFORE * spool).max(STANDBY) / period).ceil() as usize,
         }
     }
 
@@ -101,7 +107,8 @@ impl Feedforward {
         // The difference of two points on straight lines, one tick apart.
         let speed = |i: usize| ((1.0 - part) * (at(i + 1) - at(i)) + part * (at(i + 2) - at(i + 1))) / self.period;
         let now = speed(0);
-        let moving = self.model.command(now / load.faster(now));
+        let with_forces = now.abs() + (load.oil * now.signum()).max(-MOST_OPPOSED * now.abs());
+        let moving = self.model.command(with_forces.copysign(now) / load.faster(now));
         let command = if now.abs() < STILL {
             let next = (1..=self.before).map(speed).find(|speed| speed.abs() >= STILL);
             let edge = next.map_or(0.0, |speed| self.edges[usize::from(speed < 0.0)]);
@@ -167,6 +174,35 @@ mod tests {
         // After a motion the valve shuts.
         let stops: Vec<f64> = (0..200).map(|k| 0.1 * PERIOD * f64::from(k.min(2))).collect();
         assert_eq!(feedforward.coming(&stops, &Load::USUAL).command, 0.0);
+    }
+
+    /// A pump that stands by sees the load only through an open valve.
+    #[test]
+    fn a_fast_spool_is_at_its_edge_in_time_for_the_pump() {
+        let model = Commissioned { dead_time: 0.0, time_constant: 0.01, ..commissioned() };
+        let feedforward = Feedforward::new(&model, PERIOD);
+        let command = |start: usize| {
+            let targets: Vec<f64> = (0..start + 200).map(|k| 0.1 * PERIOD * k.saturating_sub(start) as f64).collect();
+            feedforward.coming(&targets, &Load::USUAL).command
+        };
+        // The reference moves in the tick after `start`; 1 tick of lag.
+        assert!((command(10) - model.compensated_dead_band().extend).abs() < 1e-12, "{}", command(10));
+        assert_eq!(command(13), 0.0);
+    }
+
+    #[test]
+    fn what_the_forces_take_is_added_and_turns_no_motion_round() {
+        let feedforward = Feedforward::new(&commissioned(), PERIOD);
+        let speed = |speed: f64, oil: f64| {
+            let targets: Vec<f64> = (0..40).map(|k| 0.3 + speed * PERIOD * f64::from(k)).collect();
+            commissioned().speed(feedforward.coming(&targets, &Load { oil, ..Load::USUAL }).command)
+        };
+        for (reference, oil, expected) in
+            [(0.1, 0.05, 0.15), (0.1, -0.05, 0.05), (-0.1, 0.05, -0.05), (0.1, -0.5, 0.01), (-0.1, 0.5, -0.01)]
+        {
+            assert!((speed(reference, oil) - expected).abs() < 1e-9, "{reference} {oil}: {}", speed(reference, oil));
+        }
+        assert_eq!(speed(0.0, 0.1), 0.0, "an axis that stands");
     }
 
     #[test]

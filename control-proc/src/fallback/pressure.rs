@@ -31,7 +31,7 @@ use crate::{
 };
 
 /// T_F, s: long beside a swing of 1 Hz, and short beside a change of posture.
-const SLOW: f64 = 0.5;
+pub const SLOW: f64 = 0.5;
 
 /// Time in which the gains come back with the readings, s.
 const BACK: f64 = 1.0;

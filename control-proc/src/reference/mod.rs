@@ -48,7 +48,8 @@ pub struct References {
     capability: Option<Capability>,
     profile: Profile,
     state: State,
-    /// Number of coming ticks that are worked out.
+    /// Number of coming ticks that the laws of the axis use, and that are worked out.
+    used: usize,
     ahead: usize,
     /// References of this tick and the coming ones, m.
     positions: [f64; MAX_AHEAD],
@@ -90,9 +91,10 @@ fn approach(axis: &Axis) -> f64 {
 }
 
 impl References {
-    /// References of the axis with this number for this tick and `ahead` more ticks; `period` in s.
-    pub fn new(index: usize, axis: &Axis, period: f64, ahead: usize) -> Self {
-        let ahead = ahead.min(MAX_AHEAD - 1);
+    /// References of the axis with this number for this tick and `used` more ticks, of which `ahead` are worked out if
+    /// these are more; `period` in s.
+    pub fn new(index: usize, axis: &Axis, period: f64, used: usize, ahead: usize) -> Self {
+        let [used, ahead] = [used, ahead.max(used)].map(|ticks| ticks.min(MAX_AHEAD - 1));
         let from_channel = axis.reference == ReferenceSource::Channel;
         Self {
             axis: index,
@@ -103,6 +105,7 @@ impl References {
             capability: Capability::of(axis, period),
             profile: Profile::new(axis, period, ahead),
             state: State::Tracks,
+            used,
             ahead,
             positions: [0.0; MAX_AHEAD],
             filled: None,
@@ -266,8 +269,13 @@ impl References {
         ReferenceStatus { is_refused: false, counts, is_slowed: path[1] - path[0] < 1.0 }
     }
 
-    /// y_r(k), y_r(k+1), .. as of the last update, m.
+    /// y_r(k), y_r(k+1), .. as of the last update, m, as far as the laws of the axis use them.
     pub fn positions(&self) -> &[f64] {
+        &self.positions[..=self.used]
+    }
+
+    /// The same, as far as they are worked out.
+    pub fn coming(&self) -> &[f64] {
         &self.positions[..=self.ahead]
     }
 }

@@ -6,7 +6,9 @@
 //! ```
 //!
 //! m way of the boom along a stretch in m, l length of the stretch in m; E and V: [`EVENNESS`], [`REVERSAL`]. Joints
-//! are those inside a run: between two runs the teeth stand, and the boom may turn round for nothing.
+//! are those inside a run, and its begin, before which the boom stands (m_0 = 0): between two runs the teeth stand, and
+//! the boom may turn round for nothing. Trap: without a cost of its begin the boom creeps along a run for a few
+//! millimetres of room elsewhere, and a valve with a dead band cannot creep.
 //!
 //! Postures are worked out on a grid: at all places, with the boom at each of its choices. Between two choices all
 //! values are taken as even. On the built-in machine they are off by less than 1 mm and 0.1 % of the force, and by more
@@ -25,16 +27,20 @@ const STEP: f64 = 0.05;
 const LEAST_PARTS: usize = 10;
 /// Cost of a way of the boom of 1 m along 1 m of the teeth, beside the way itself, m: of equal ways the even one.
 const EVENNESS: f64 = 0.5;
-/// What it costs that the boom turns round while the teeth move, m: it crosses its dead band there. To stop or to begin
-/// costs half of it.
+/// What it costs that the boom turns round while the teeth move, m: it crosses its dead band there. To stop there, or to
+/// begin at all, costs half of it.
 const REVERSAL: f64 = 0.3;
+/// What it costs that it begins.
+pub const BEGIN: f64 = 0.5 * REVERSAL;
 
 /// A wall may be so much farther away than it seems between two choices, m: another part of the machine comes next to
 /// it there.
 const KINK: f64 = 0.03;
 
-/// A cylinder may have so much more room than it seems between two choices, m.
+/// A cylinder may have so much more or less room than it seems between two choices, m.
 const UNEVEN: f64 = 5e-3;
+/// Positions of a boom that stands all along, between two choices.
+const FINER: usize = 8;
 /// Number of possible choices at a place below which finer ones are tried as well.
 const FEW: usize = 3;
 
@@ -141,7 +147,7 @@ impl Stretch {
             };
             let mut margins = cylinders.margins(&posture);
             let is_near_wall = demand != Demand::Limits && (-KINK..0.0).contains(&margins.wall);
-            if is_near_wall || (-UNEVEN..0.0).contains(&margins.room.0) {
+            if is_near_wall || (-UNEVEN..UNEVEN).contains(&margins.room.0) {
                 margins = cylinders.margins(&cylinders.posture(teeth, Free::Boom(boom))?);
             }
             demand.is_met(&margins).then(|| cost.max(margins.cost()))
@@ -176,18 +182,38 @@ impl Trace {
     }
 }
 
-/// The positions of the boom at the ends of all stretches with the least cost; none where there is no way through.
-/// `choices` has those that are tried at each end.
-pub fn cheapest(cylinders: &Cylinders, runs: &[&[Stretch]], choices: &[Vec<f64>], demand: Demand) -> Option<Vec<f64>> {
+/// The least cost of a boom that stands all along, m, and its position, m; none where it cannot.
+pub fn standing(cylinders: &Cylinders, runs: &[&[Stretch]], demand: Demand) -> Option<(f64, f64)> {
+    let (low, high) = cylinders.limits[0];
+    let last = FINER * (CHOICES - 1);
+    let cost = |boom: f64| {
+        let mut stretches = runs.iter().copied().flatten();
+        stretches.try_fold(0.0, |cost, of| Some(cost + of.left_cost(cylinders, (boom, boom), demand)?))
+    };
+    let all = (0..=last).map(|i| low + (high - low) * i as f64 / last as f64);
+    all.filter_map(|boom| Some((cost(boom)?, boom))).min_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// The least cost, m, and the positions of the boom at the ends of all stretches that have it; none where there is no
+/// way through. `choices` has those that are tried at each end; `begin` is what it costs that the boom moves at the begin
+/// of a run, m.
+pub fn cheapest(
+    cylinders: &Cylinders,
+    runs: &[&[Stretch]],
+    choices: &[Vec<f64>],
+    demand: Demand,
+    begin: f64,
+) -> Option<(f64, Vec<f64>)> {
     let mut costs = vec![0.0; choices[0].len()];
     let (mut first, mut traces) = (0, Vec::new());
     for run in runs {
-        let (ends, trace) = through(cylinders, run, &choices[first..=first + run.len()], &costs, demand);
+        let (ends, trace) = through(cylinders, run, &choices[first..=first + run.len()], (&costs, begin), demand);
         (costs, first) = (ends, first + run.len());
         traces.push(trace);
     }
     let mut end = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
-    if costs[end] == f64::INFINITY {
+    let cost = costs[end];
+    if cost == f64::INFINITY {
         return None;
     }
     let mut chosen = vec![end];
@@ -195,7 +221,7 @@ pub fn cheapest(cylinders: &Cylinders, runs: &[&[Stretch]], choices: &[Vec<f64>]
         chosen.extend(trace.back(end));
         end = *chosen.last()?;
     }
-    Some(chosen.iter().rev().zip(choices).map(|(choice, of)| of[*choice]).collect())
+    Some((cost, chosen.iter().rev().zip(choices).map(|(choice, of)| of[*choice]).collect()))
 }
 
 /// The costs at the end of a run by those at its begin.
@@ -203,10 +229,11 @@ fn through(
     cylinders: &Cylinders,
     run: &[Stretch],
     choices: &[Vec<f64>],
-    costs: &[f64],
+    (costs, begin): (&[f64], f64),
     demand: Demand,
 ) -> (Vec<f64>, Trace) {
-    let mut pairs = stretch_costs(cylinders, &run[0], (&choices[0], &choices[1]), demand, |a| costs[a], run.len() == 1);
+    let first = (choices[0].as_slice(), choices[1].as_slice());
+    let mut pairs = stretch_costs(cylinders, &run[0], first, demand, |a| costs[a], Some((run.len(), begin)));
     let mut before = Vec::new();
     for (k, next) in run.iter().enumerate().skip(1) {
         let (one, two, three) = (&choices[k - 1], &choices[k], &choices[k + 1]);
@@ -214,7 +241,7 @@ fn through(
         let begins: Vec<f64> = (0..two.len()).map(begin).collect();
         // What a stretch costs by itself: only where its begin can be reached.
         let reached = |b: usize| if begins[b] < f64::INFINITY { 0.0 } else { f64::INFINITY };
-        let mut alone = stretch_costs(cylinders, next, (two, three), demand, reached, false);
+        let mut alone = stretch_costs(cylinders, next, (two, three), demand, reached, None);
         let mut from = vec![vec![0; three.len()]; two.len()];
         for (b, of) in alone.iter_mut().enumerate() {
             for (c, cost) in of.iter_mut().enumerate().filter(|(_, cost)| **cost < f64::INFINITY) {
@@ -236,21 +263,24 @@ fn through(
 }
 
 /// Costs of a stretch by the choices at its begin, which cost `begin`, and at its end; infinite where the boom cannot
-/// move so. With `is_alone` only the least one for each end is worked out.
+/// move so. `first` is the number of stretches of a run that begins with this one, and what it costs to begin; of a run of
+/// one stretch only the least cost for each end is worked out.
 fn stretch_costs(
     cylinders: &Cylinders,
     stretch: &Stretch,
     (from, to): (&[f64], &[f64]),
     demand: Demand,
     begin: impl Fn(usize) -> f64,
-    is_alone: bool,
+    first: Option<(usize, f64)>,
 ) -> Vec<Vec<f64>> {
     let mut costs = vec![vec![f64::INFINITY; to.len()]; from.len()];
     let mut least = vec![f64::INFINITY; to.len()];
     for a in (0..from.len()).filter(|a| begin(*a) < f64::INFINITY) {
         for b in 0..to.len() {
-            let cost = begin(a) + stretch.way_cost(to[b] - from[a]);
-            if is_alone && cost >= least[b] {
+            let moved = to[b] - from[a];
+            let start = first.filter(|_| moved != 0.0).map_or(0.0, |(_, start)| start);
+            let cost = begin(a) + stretch.way_cost(moved) + start;
+            if first.is_some_and(|(stretches, _)| stretches == 1) && cost >= least[b] {
                 continue;
             }
             if let Some(left) = stretch.left_cost(cylinders, (from[a], to[b]), demand) {

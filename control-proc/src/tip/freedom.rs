@@ -22,7 +22,7 @@
 use pipeline::machine::{TipFree, TipTask};
 
 use super::{
-    choice::{CHOICES, Demand, Stretch, cheapest, choices, choices_at, fine_choices, stations},
+    choice::{BEGIN, CHOICES, Demand, Stretch, cheapest, choices, choices_at, fine_choices, standing, stations},
     posture::{Cylinders, Free, Short},
     way::Way,
 };
@@ -232,7 +232,7 @@ impl Search<'_, '_> {
     /// Whether the boom can move along a run by itself.
     fn leads(&self, parts: &Parts, run: &[Stretch]) -> bool {
         let choices = self.choices(std::slice::from_ref(parts));
-        cheapest(self.cylinders, &[run], &choices, Demand::All).is_some()
+        cheapest(self.cylinders, &[run], &choices, Demand::All, 0.0).is_some()
     }
 
     /// The best motion that keeps everything, looked at once more at all places.
@@ -247,7 +247,15 @@ impl Search<'_, '_> {
 
     fn cheapest(&self, parts: &[Parts], stretches: &[Vec<Stretch>], demand: Demand) -> Option<Freedom> {
         let runs: Vec<&[Stretch]> = stretches.iter().map(Vec::as_slice).collect();
-        let chosen = cheapest(self.cylinders, &runs, &self.choices(parts), demand)?;
+        let is_free = self.fixed.is_empty();
+        let begin = if is_free { BEGIN } else { 0.0 };
+        let moving = cheapest(self.cylinders, &runs, &self.choices(parts), demand, begin);
+        let standing = if is_free { standing(self.cylinders, &runs, demand) } else { None };
+        let chosen = match (moving, standing) {
+            (Some((cost, moving)), Some((least, _))) if cost <= least => moving,
+            (_, Some((_, boom))) => vec![boom; parts.iter().map(Vec::len).sum::<usize>() + 1],
+            (moving, None) => moving?.1,
+        };
         let mut points = self.ends(parts).zip(chosen).peekable();
         let mut all = Vec::new();
         for run in parts {

@@ -10,8 +10,8 @@
 //! [`Commissioned`], g what the load makes of its speeds and v_F what the forces of the motion take of them ([`Load`]),
 //! which never turns a motion round, v_r coming speed in m/s, v_s [`STILL`], u_r command. b is the part of the dead
 //! band that is compensated ([`Commissioned::compensated_dead_band`]), in the direction of the motion that begins in
-//! the 2 tau_s after t + L, or in the [`STANDBY`] after it where that is longer, and 0 where none does; tau_s is tau
-//! without the delay of a load that swings. A command that is sent now acts in the middle of its period and moves the axis after
+//! the 2 tau_s after t + L, or in the response of the pump after it where that is longer, and 0 where none does; tau_s
+//! is tau without the delay of a load that swings. A command that is sent now acts in the middle of its period and moves the axis after
 //! dead time and lag; hence the lead L. Source: the usual loop of mobile hydraulics, with references that are known
 //! ahead.
 //!
@@ -42,8 +42,6 @@ pub struct Coming {
 
 /// Time before the begin of a motion at which the spool is brought to its edge, in tau_s.
 const BEFORE: f64 = 2.0;
-/// Least time before it, s: the usual response of a load-sensing pump.
-const STANDBY: f64 = 0.1;
 /// Part of the speed of a motion that its forces may take off the command.
 const MOST_OPPOSED: f64 = 0.9;
 
@@ -66,8 +64,9 @@ pub struct Feedforward {
 }
 
 impl Feedforward {
-    /// Feed-forward by `model`, for a command every `period` s.
-    pub fn new(model: &Commissioned, period: f64) -> Self {
+    /// Feed-forward by `model` for an axis whose pump follows with the time constant `pump_response` s, for a command
+    /// every `period` s.
+    pub fn new(model: &Commissioned, pump_response: f64, period: f64) -> Self {
         let edge = model.compensated_dead_band();
         let spool = (model.time_constant - model.swing_delay()).max(0.0);
         Self {
@@ -76,7 +75,7 @@ impl Feedforward {
             mean_slope: mean_slope(model),
             period,
             lead: model.reaction() / period,
-            before: ((BEFORE * spool).max(STANDBY) / period).ceil() as usize,
+            before: ((BEFORE * spool).max(pump_response) / period).ceil() as usize,
         }
     }
 
@@ -129,7 +128,7 @@ mod tests {
 
     #[test]
     fn a_steady_speed_gets_the_command_of_the_static_curve() {
-        let feedforward = Feedforward::new(&commissioned(), PERIOD);
+        let feedforward = Feedforward::new(&commissioned(), 0.0, PERIOD);
         for speed in [0.2, 0.005, -0.1] {
             let targets: Vec<f64> = (0..40).map(|k| 0.3 + speed * PERIOD * f64::from(k)).collect();
             let command = feedforward.coming(&targets, &Load::USUAL).command;
@@ -142,7 +141,7 @@ mod tests {
     #[test]
     fn the_command_leads_the_motion_by_dead_time_and_lag() {
         let model = commissioned();
-        let feedforward = Feedforward::new(&model, PERIOD);
+        let feedforward = Feedforward::new(&model, 0.0, PERIOD);
         let ahead = feedforward.ahead();
         let lead = (model.dead_time + model.time_constant) / PERIOD;
         for start in 0..40usize {
@@ -157,7 +156,7 @@ mod tests {
     #[test]
     fn before_a_motion_the_spool_is_brought_to_the_edge_of_its_dead_band() {
         let model = commissioned();
-        let feedforward = Feedforward::new(&model, PERIOD);
+        let feedforward = Feedforward::new(&model, 0.0, PERIOD);
         let lead = ((model.dead_time + model.time_constant) / PERIOD) as usize;
         let before = (2.0 * model.time_constant / PERIOD) as usize;
         for (sign, edge) in [(1.0, 0.9 * model.dead_band.extend), (-1.0, -0.9 * model.dead_band.retract)] {
@@ -180,7 +179,7 @@ mod tests {
     #[test]
     fn a_fast_spool_is_at_its_edge_in_time_for_the_pump() {
         let model = Commissioned { dead_time: 0.0, time_constant: 0.01, ..commissioned() };
-        let feedforward = Feedforward::new(&model, PERIOD);
+        let feedforward = Feedforward::new(&model, 0.1, PERIOD);
         let command = |start: usize| {
             let targets: Vec<f64> = (0..start + 200).map(|k| 0.1 * PERIOD * k.saturating_sub(start) as f64).collect();
             feedforward.coming(&targets, &Load::USUAL).command
@@ -192,7 +191,7 @@ mod tests {
 
     #[test]
     fn what_the_forces_take_is_added_and_turns_no_motion_round() {
-        let feedforward = Feedforward::new(&commissioned(), PERIOD);
+        let feedforward = Feedforward::new(&commissioned(), 0.0, PERIOD);
         let speed = |speed: f64, oil: f64| {
             let targets: Vec<f64> = (0..40).map(|k| 0.3 + speed * PERIOD * f64::from(k)).collect();
             commissioned().speed(feedforward.coming(&targets, &Load { oil, ..Load::USUAL }).command)
@@ -207,7 +206,7 @@ mod tests {
 
     #[test]
     fn at_rest_the_command_does_not_jump_over_the_dead_band() {
-        let feedforward = Feedforward::new(&commissioned(), PERIOD);
+        let feedforward = Feedforward::new(&commissioned(), 0.0, PERIOD);
         let creep = |speed: f64| {
             let targets: Vec<f64> = (0..40).map(|k| speed * PERIOD * f64::from(k)).collect();
             feedforward.coming(&targets, &Load::USUAL).command

@@ -133,7 +133,7 @@ impl Fallback {
             gain: 1.0,
             dead_band: control.dead_band,
             limits: Limits::new(control, period),
-            feedforward: model.map(|model| Feedforward::new(model, period)),
+            feedforward: model.map(|model| Feedforward::new(model, control.pump_response, period)),
             memory: Memory {
                 hysteresis: Hysteresis::new(hysteresis.map_or(0.0, |model| model.hysteresis)),
                 integrals: [0.0; 3],

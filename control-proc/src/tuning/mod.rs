@@ -193,6 +193,8 @@ impl Baseline {
             ki: 0.0,
             feedforward: self == Self::Feedforward,
             pressure_damping: 0.0,
+            // The model has no pump.
+            pump_response: 0.0,
             dead_band: DeadBand { extend: part * extend, retract: part * retract },
             model: ModelChoice::None,
             law: Law::Predictive,

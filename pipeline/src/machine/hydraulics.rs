@@ -41,6 +41,16 @@ pub enum SupplyKind {
     },
 }
 
+impl SupplyKind {
+    /// Time constant with which the pump follows the load, s; 0 for one that holds its pressure.
+    pub fn response(self) -> f64 {
+        match self {
+            Self::ConstantPressure => 0.0,
+            Self::LoadSensing { response_time, .. } => response_time,
+        }
+    }
+}
+
 /// The oil.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Oil {
@@ -166,6 +176,15 @@ mod tests {
         let found = supply(with(&chosen).unwrap());
         let kind = SupplyKind::LoadSensing { margin: 2e6, response_time: 0.1 };
         assert_eq!(found, Supply { kind, power: Some(110e3), ..constant });
+    }
+
+    #[test]
+    fn the_controllers_of_all_axes_know_how_fast_a_load_sensing_pump_follows() {
+        let responses = |settings| -> Vec<f64> {
+            with(settings).unwrap().axes.iter().map(|axis| axis.control.pump_response).collect()
+        };
+        assert_eq!(responses(&[]), [0.0; 4]);
+        assert_eq!(responses(&[("supply.kind", "load-sensing"), ("supply.response_time", "0.2")]), [0.2; 4]);
     }
 
     #[test]

@@ -25,6 +25,8 @@ pub struct Control {
     /// zeta_p: by how much the fallback makes the damping ratio of the load's swing greater, by the chamber pressures;
     /// 0 where it does not.
     pub pressure_damping: f64,
+    /// Time constant with which a load-sensing pump follows, s, by the table `supply`; 0 with another pump.
+    pub pump_response: f64,
     /// Dead band of the valve that the fallback compensates.
     pub dead_band: DeadBand,
     /// Largest magnitude of a command.
@@ -127,6 +129,7 @@ impl Control {
             ki: section.key("ki", "Integral gain of the fallback").number(0.0..=1e5, "1/(m s)"),
             feedforward: read_feedforward(&mut section, name, commissioned, period),
             pressure_damping: read_pressure_damping(&mut section, owner),
+            pump_response: 0.0,
             dead_band,
             command_limit: section.key("command_limit", "Largest magnitude of a command").number(1e-3..=1.0, ""),
             command_rate: section.key("command_rate", "Fastest change of a command").number(1e-3..=1e4, "1/s"),

@@ -17,7 +17,8 @@
 //! | the same | all runs |
 //! | the same, every 0.2 m | all runs |
 //!
-//! A person may say where the telescope or the boom stays, or where one of them is at the end of a piece.
+//! A boom that stands all along is tried at finer positions as well (`standing`). A person may say where the telescope
+//! or the boom stays, or where one of them is at the end of a piece: then it costs nothing that the boom begins to move.
 
 use pipeline::machine::{TipFree, TipTask};
 

@@ -115,7 +115,11 @@ impl SupplyKind {
                 .key("margin", "Pressure of the pump above the highest load, with kind = \"load-sensing\"")
                 .number_or(2e6, 1e5..=1e7, "Pa"),
             response_time: section
-                .key("response_time", "Time constant of the pump's pressure, with kind = \"load-sensing\"")
+                .key(
+                    "response_time",
+                    "Time constant of the pump's pressure, with kind = \"load-sensing\"; valves come to the edge of their \
+                     dead band at least as long before a motion",
+                )
                 .number_or(0.1, 5e-3..=5.0, "s"),
         }
     }

@@ -33,14 +33,14 @@ fn references(machine: &Machine) -> Histogram<u64> {
     let plan = generator.plan().expect("a task").clone();
     let ticks = (plan.duration() / period) as u64;
     let axes = machine.axes.iter().enumerate();
-    let ahead = axes.clone().map(|(i, axis)| AxisController::new(i, axis, &machine.timing).ahead()).max();
+    let ahead = axes.clone().map(|(i, axis)| AxisController::new(i, axis, &machine.timing, 0).ahead()).max();
     let ahead = ahead.expect("axes");
     let mut watch = TipWatch::new(machine.mechanism.as_ref().expect("a mechanism"));
     let mut times = Histogram::<u64>::new_with_bounds(1, 1_000_000_000, 3).expect("bounds");
     for _ in 0..ROUNDS {
         let mut path = Path::new(ahead, period, 3);
         let mut references: Vec<References> =
-            axes.clone().map(|(i, axis)| References::new(i, axis, period, ahead)).collect();
+            axes.clone().map(|(i, axis)| References::new(i, axis, period, ahead, ahead)).collect();
         for (i, axis) in references.iter_mut().enumerate() {
             axis.begin(0.0, generator.position(i, 0.0).expect("an axis of the teeth"), &generator);
         }

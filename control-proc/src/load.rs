@@ -29,6 +29,9 @@ use crate::{
 };
 use oil::Oil;
 
+/// T_F, s, of the slow part of a force: long beside a swing of 1 Hz, and short beside a change of posture.
+pub const SLOW: f64 = 0.5;
+
 /// Step of r at which p is known, and number of these steps: down to a sixth of the frequency of the commissioning.
 const STEP: f64 = 0.05;
 const STEPS: usize = 17;

@@ -11,9 +11,9 @@
 //! which never turns a motion round, v_r coming speed in m/s, v_s [`STILL`], u_r command. b is the part of the dead
 //! band that is compensated ([`Commissioned::compensated_dead_band`]), in the direction of the motion that begins in
 //! the 2 tau_s after t + L, or in the response of the pump after it where that is longer, and 0 where none does; tau_s
-//! is tau without the delay of a load that swings. A command that is sent now acts in the middle of its period and moves the axis after
-//! dead time and lag; hence the lead L. Source: the usual loop of mobile hydraulics, with references that are known
-//! ahead.
+//! is tau without the delay of a load that swings. A command that is sent now acts in the middle of its period and
+//! moves the axis after dead time and lag; hence the lead L. Source: the usual loop of mobile hydraulics, with
+//! references that are known ahead.
 //!
 //! Traps: without the lead, feed-forward is late by the dead time, and the feedback corrects an error that is none. The
 //! references of a channel end with the preview of its message: beyond it the axis is assumed to stand. And a spool

@@ -27,11 +27,9 @@ use pipeline::{
 
 use crate::{
     cylinder::Cylinder,
+    load::SLOW,
     margins::{Loop, mean_slope},
 };
-
-/// T_F, s: long beside a swing of 1 Hz, and short beside a change of posture.
-pub const SLOW: f64 = 0.5;
 
 /// Time in which the gains come back with the readings, s.
 const BACK: f64 = 1.0;

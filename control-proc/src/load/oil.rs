@@ -6,11 +6,11 @@
 //! ```
 //!
 //! q, v and dv/dt positions in m, speeds and accelerations of the references of all axes at t + t_d + tau + T/2, when a
-//! command of now acts; M mass matrix and h load of the mechanism, F forces of the cylinders in N, i number of the axis;
-//! m mass in kg, w natural frequency in rad/s and zeta_p pressure damping of the axis, T_F and the fast part of a force
-//! as in [`crate::fallback::pressure`]. A force that rises presses the oil together, and what goes into that is missing
-//! in the speed. And the pressure feedback takes the forces that the other axes need for their motion for a swing. Those
-//! of its own acceleration are in the delay of the swing, 2 (zeta + zeta_p) / w, by which the feed-forward leads.
+//! command of now acts; M mass matrix and h load of the mechanism, F forces of the cylinders in N, i number of the
+//! axis; m mass in kg, w natural frequency in rad/s and zeta_p pressure damping of the axis, T_F [`SLOW`]. A force that
+//! rises presses the oil together, and what goes into that is missing in the speed. And the pressure feedback takes the
+//! forces that the other axes need for their motion for a swing. Those of its own acceleration are in the delay of the
+//! swing, 2 (zeta + zeta_p) / w, by which the feed-forward leads.
 //!
 //! Trap: the damping ratio that commissioning finds has part of the valve's lag in it. It must not be counted like
 //! zeta_p: an arm that begins to move without a load then starts late.
@@ -22,7 +22,7 @@ use std::f64::consts::TAU;
 use mechanism::{AXES, CylinderDynamics};
 use pipeline::machine::Axis;
 
-use crate::fallback::pressure;
+use super::SLOW;
 
 /// The oil of one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,7 +59,7 @@ impl Oil {
             damping: 2.0 * ratio / (model.mass * w),
             mass: model.mass,
             slow: None,
-            new: 1.0 - (-period / pressure::SLOW).exp(),
+            new: 1.0 - (-period / SLOW).exp(),
             period,
         })
     }
@@ -124,8 +124,8 @@ mod tests {
         Oil::of(&axis, PERIOD)
     }
 
-    /// v_F of the boom in every tick while it moves by `own` m and the arm by `other` m, of tick numbers, on a mechanism
-    /// whose boom feels its own mass, a tenth of it from the arm, and a spring of so many N/m.
+    /// v_F of the boom in every tick while it moves by `own` m and the arm by `other` m, of tick numbers. It feels
+    /// its own mass, a tenth of that from the arm, and a spring of so many N/m.
     fn speeds(oil: &mut Oil, spring: f64, own: impl Fn(f64) -> f64, other: impl Fn(f64) -> f64) -> Vec<f64> {
         let mass = oil.mass;
         let dynamics = |positions: &[f64; AXES], _: &[f64; AXES]| {

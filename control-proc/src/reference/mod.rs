@@ -48,15 +48,22 @@ pub struct References {
     capability: Option<Capability>,
     profile: Profile,
     state: State,
-    /// Number of coming ticks that the laws of the axis use, and that are worked out.
-    used: usize,
-    ahead: usize,
+    ahead: Ahead,
     /// References of this tick and the coming ones, m.
     positions: [f64; MAX_AHEAD],
     /// Tick along the path of the last position that the generator has given.
     filled: Option<f64>,
     /// Speed of the reference, m/s.
     speed: f64,
+}
+
+/// Numbers of coming ticks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Ahead {
+    /// That the laws of the axis use.
+    used: usize,
+    /// That are worked out.
+    all: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,8 +112,7 @@ impl References {
             capability: Capability::of(axis, period),
             profile: Profile::new(axis, period, ahead),
             state: State::Tracks,
-            used,
-            ahead,
+            ahead: Ahead { used, all: ahead },
             positions: [0.0; MAX_AHEAD],
             filled: None,
             speed: 0.0,
@@ -115,7 +121,7 @@ impl References {
 
     /// Number of coming ticks that are worked out.
     pub fn ahead(&self) -> usize {
-        self.ahead
+        self.ahead.all
     }
 
     /// The rate at which time along the path may go on at `tick` of the path, as far as this axis can follow.
@@ -219,7 +225,7 @@ impl References {
             self.pursue((sequence, elapsed), position, path, generator, reference)
         } else {
             self.profile.advance(elapsed);
-            self.profile.fill(&mut self.positions[..=self.ahead]);
+            self.profile.fill(&mut self.positions[..=self.ahead.all]);
             ReferenceStatus { is_refused: false, counts: false, is_slowed: false }
         };
         self.speed = (self.positions[0] - before) / (elapsed.max(1) as f64 * self.period);
@@ -237,7 +243,7 @@ impl References {
     ) -> ReferenceStatus {
         let before = self.positions[0];
         if let Some(channel) = &mut self.channel {
-            let positions = &mut self.positions[..=self.ahead];
+            let positions = &mut self.positions[..=self.ahead.all];
             let is_accepted = channel.update(reference, sequence, elapsed, position, positions);
             if is_accepted {
                 self.brakes = false;
@@ -254,15 +260,15 @@ impl References {
             return ReferenceStatus { is_refused: !is_accepted, counts, is_slowed };
         }
         // A reference depends on its time alone, so all but the newest are known from the tick before.
-        let is_known = elapsed == 1 && self.ahead > 0 && self.filled == Some(path[self.ahead - 1]);
+        let is_known = elapsed == 1 && self.ahead.all > 0 && self.filled == Some(path[self.ahead.all - 1]);
         let known = if is_known {
-            self.positions.copy_within(1..=self.ahead, 0);
-            self.ahead
+            self.positions.copy_within(1..=self.ahead.all, 0);
+            self.ahead.all
         } else {
             0
         };
-        self.filled = Some(path[self.ahead]);
-        for (i, tick) in path.iter().enumerate().take(self.ahead + 1).skip(known) {
+        self.filled = Some(path[self.ahead.all]);
+        for (i, tick) in path.iter().enumerate().take(self.ahead.all + 1).skip(known) {
             self.positions[i] = self.blend.back.position(*tick, self.blended(*tick, generator));
         }
         let counts = self.blend.is_over(self.blend.ticks(path[0]) * self.period);
@@ -271,11 +277,11 @@ impl References {
 
     /// y_r(k), y_r(k+1), .. as of the last update, m, as far as the laws of the axis use them.
     pub fn positions(&self) -> &[f64] {
-        &self.positions[..=self.used]
+        &self.positions[..=self.ahead.used]
     }
 
     /// The same, as far as they are worked out.
     pub fn coming(&self) -> &[f64] {
-        &self.positions[..=self.ahead]
+        &self.positions[..=self.ahead.all]
     }
 }

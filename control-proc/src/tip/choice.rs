@@ -27,8 +27,8 @@ const STEP: f64 = 0.05;
 const LEAST_PARTS: usize = 10;
 /// Cost of a way of the boom of 1 m along 1 m of the teeth, beside the way itself, m: of equal ways the even one.
 const EVENNESS: f64 = 0.5;
-/// What it costs that the boom turns round while the teeth move, m: it crosses its dead band there. To stop there, or to
-/// begin at all, costs half of it.
+/// What it costs that the boom turns round while the teeth move, m: it crosses its dead band there. To stop there, or
+/// to begin at all, costs half of it.
 const REVERSAL: f64 = 0.3;
 /// What it costs that it begins.
 pub const BEGIN: f64 = 0.5 * REVERSAL;
@@ -195,8 +195,8 @@ pub fn standing(cylinders: &Cylinders, runs: &[&[Stretch]], demand: Demand) -> O
 }
 
 /// The least cost, m, and the positions of the boom at the ends of all stretches that have it; none where there is no
-/// way through. `choices` has those that are tried at each end; `begin` is what it costs that the boom moves at the begin
-/// of a run, m.
+/// way through. `choices` has those that are tried at each end; `begin` is what it costs that the boom moves at the
+/// begin of a run, m.
 pub fn cheapest(
     cylinders: &Cylinders,
     runs: &[&[Stretch]],
@@ -263,8 +263,8 @@ fn through(
 }
 
 /// Costs of a stretch by the choices at its begin, which cost `begin`, and at its end; infinite where the boom cannot
-/// move so. `first` is the number of stretches of a run that begins with this one, and what it costs to begin; of a run of
-/// one stretch only the least cost for each end is worked out.
+/// move so. `first` is the number of stretches of a run that begins with this one, and what it costs to begin; of a run
+/// of one stretch only the least cost for each end is worked out.
 fn stretch_costs(
     cylinders: &Cylinders,
     stretch: &Stretch,

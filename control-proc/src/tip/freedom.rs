@@ -18,7 +18,7 @@
 //! | the same, every 0.2 m | all runs |
 //!
 //! A boom that stands all along is tried at finer positions as well (`standing`). A person may say where the telescope
-//! or the boom stays, or where one of them is at the end of a piece: then it costs nothing that the boom begins to move.
+//! or the boom stays, or where one of them is at the end of a piece: then the begin of a motion of the boom is free.
 
 use pipeline::machine::{TipFree, TipTask};
 

@@ -117,8 +117,8 @@ impl SupplyKind {
             response_time: section
                 .key(
                     "response_time",
-                    "Time constant of the pump's pressure, with kind = \"load-sensing\"; valves come to the edge of their \
-                     dead band at least as long before a motion",
+                    "Time constant of the pump's pressure, with kind = \"load-sensing\"; valves come to the edge of \
+                     their dead band at least as long before a motion",
                 )
                 .number_or(0.1, 5e-3..=5.0, "s"),
         }

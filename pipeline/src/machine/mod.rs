@@ -285,9 +285,8 @@ impl Machine {
         let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
         let scenario = Scenario::read(&mut root, &described);
         let values = root.values();
-        let pump_response = hydraulics.as_ref().map_or(0.0, |hydraulics| hydraulics.supply.kind.response());
         for axis in &mut axes {
-            axis.control.pump_response = pump_response;
+            axis.control.pump_response = hydraulics.map_or(0.0, |of| of.supply.kind.response());
             axis.hardware = Hardware::of(&values, &names, &axis.name);
         }
         root.finish();

@@ -8,12 +8,12 @@
 //!
 //! y_r reference in m, t now, T period in s, t_d dead time and tau time constant in s, c static curve of
 //! [`Commissioned`], g what the load makes of its speeds and v_F what the forces of the motion take of them ([`Load`]),
-//! which never turns a motion round, v_r coming speed in m/s, v_s [`STILL`], u_r command. b is the part of the dead
-//! band that is compensated ([`Commissioned::compensated_dead_band`]), in the direction of the motion that begins in
-//! the 2 tau_s after t + L, or in the response of the pump after it where that is longer, and 0 where none does; tau_s
-//! is tau without the delay of a load that swings. A command that is sent now acts in the middle of its period and
-//! moves the axis after dead time and lag; hence the lead L. Source: the usual loop of mobile hydraulics, with
-//! references that are known ahead.
+//! which neither turns a motion round nor more than doubles it, v_r coming speed in m/s, v_s [`STILL`], u_r command. b
+//! is the part of the dead band that is compensated ([`Commissioned::compensated_dead_band`]), in the direction of the
+//! motion that begins in the 2 tau_s after t + L, or in the response of the pump after it where that is longer, and 0
+//! where none does; tau_s is tau without the delay of a load that swings. A command that is sent now acts in the middle
+//! of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual loop of mobile
+//! hydraulics, with references that are known ahead.
 //!
 //! Traps: without the lead, feed-forward is late by the dead time, and the feedback corrects an error that is none. The
 //! references of a channel end with the preview of its message: beyond it the axis is assumed to stand. And a spool
@@ -42,8 +42,10 @@ pub struct Coming {
 
 /// Time before the begin of a motion at which the spool is brought to its edge, in tau_s.
 const BEFORE: f64 = 2.0;
-/// Part of the speed of a motion that its forces may take off the command.
+/// Parts of the speed of a motion that its forces may take off the command, and add to it: references that jump ask for
+/// forces without a bound.
 const MOST_OPPOSED: f64 = 0.9;
+const MOST_ADDED: f64 = 1.0;
 
 /// Range of commands on either side over which a slope is taken, in parts of the largest opening.
 const AROUND: f64 = 0.25;
@@ -106,7 +108,9 @@ impl Feedforward {
         // The difference of two points on straight lines, one tick apart.
         let speed = |i: usize| ((1.0 - part) * (at(i + 1) - at(i)) + part * (at(i + 2) - at(i + 1))) / self.period;
         let now = speed(0);
-        let with_forces = now.abs() + (load.oil * now.signum()).max(-MOST_OPPOSED * now.abs());
+        // Not `clamp`, which panics on references that are no number.
+        let forces = (load.oil * now.signum()).max(-MOST_OPPOSED * now.abs()).min(MOST_ADDED * now.abs());
+        let with_forces = now.abs() + forces;
         let moving = self.model.command(with_forces.copysign(now) / load.faster(now));
         let command = if now.abs() < STILL {
             let next = (1..=self.before).map(speed).find(|speed| speed.abs() >= STILL);
@@ -196,9 +200,14 @@ mod tests {
             let targets: Vec<f64> = (0..40).map(|k| 0.3 + speed * PERIOD * f64::from(k)).collect();
             commissioned().speed(feedforward.coming(&targets, &Load { oil, ..Load::USUAL }).command)
         };
-        for (reference, oil, expected) in
-            [(0.1, 0.05, 0.15), (0.1, -0.05, 0.05), (-0.1, 0.05, -0.05), (0.1, -0.5, 0.01), (-0.1, 0.5, -0.01)]
-        {
+        for (reference, oil, expected) in [
+            (0.1, 0.05, 0.15),
+            (0.1, -0.05, 0.05),
+            (-0.1, 0.05, -0.05),
+            (0.1, -0.5, 0.01),
+            (-0.1, 0.5, -0.01),
+            (0.1, 9.0, 0.2),
+        ] {
             assert!((speed(reference, oil) - expected).abs() < 1e-9, "{reference} {oil}: {}", speed(reference, oil));
         }
         assert_eq!(speed(0.0, 0.1), 0.0, "an axis that stands");

@@ -295,9 +295,10 @@ impl AxisController {
         }
     }
 
-    /// The references of the last tick and of those after it, m; none for an axis that follows no reference.
+    /// The references of the last tick and of those after it, m; none for an axis that follows no reference, or one
+    /// whose end of the preview is not known.
     pub fn coming(&self) -> Option<&[f64]> {
-        self.follows().then(|| self.references.coming())
+        self.references.coming().filter(|_| self.follows())
     }
 
     /// The axis bears this load from now on.

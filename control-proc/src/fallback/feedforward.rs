@@ -42,6 +42,8 @@ pub struct Coming {
 
 /// Time before the begin of a motion at which the spool is brought to its edge, in tau_s.
 const BEFORE: f64 = 2.0;
+/// Longest time for which it waits there for the pump, s.
+const LONGEST_STANDBY: f64 = 0.3;
 /// Parts of the speed of a motion that its forces may take off the command, and add to it: references that jump ask for
 /// forces without a bound.
 const MOST_OPPOSED: f64 = 0.9;
@@ -77,7 +79,7 @@ impl Feedforward {
             mean_slope: mean_slope(model),
             period,
             lead: model.reaction() / period,
-            before: ((BEFORE * spool).max(pump_response) / period).ceil() as usize,
+            before: ((BEFORE * spool).max(pump_response.min(LONGEST_STANDBY)) / period).ceil() as usize,
         }
     }
 

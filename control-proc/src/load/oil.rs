@@ -70,7 +70,7 @@ impl Oil {
     }
 
     /// v_F of axis `i`, m/s, from references (m) that begin with the last tick, and the mechanism at positions (m) and
-    /// speeds (m/s) of its cylinders; 0 while one of the axes follows none.
+    /// speeds (m/s) of its cylinders; 0 while those of one axis are not known.
     pub fn update(
         &mut self,
         i: usize,
@@ -81,7 +81,6 @@ impl Oil {
             self.slow = None;
             return 0.0;
         }
-        // Beyond the end of a preview its axis stands.
         let at = |j: usize, tick: usize| {
             references[j].and_then(|of| of.get(tick).or(of.last())).copied().unwrap_or_default()
         };

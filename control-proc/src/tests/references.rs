@@ -8,7 +8,11 @@ use pipeline::{
 };
 
 use super::{Loop, SINES, machine, machine_with};
-use crate::{Controller, reference::generator::ReferenceGenerator, trajectory_file::read_references};
+use crate::{
+    Controller,
+    reference::{References, generator::ReferenceGenerator},
+    trajectory_file::read_references,
+};
 
 /// A message of `preview` equal references from tick `sequence` on.
 fn constant(sequence: u64, target: f64, preview: u32) -> Reference {
@@ -125,6 +129,17 @@ fn the_channel_is_followed_over_its_preview() {
     // A message for a later tick within its preview starts at its first reference.
     let command = axis.tick_with(None, Some(&constant(157, 0.605, 4)), |_| ()).axes[0];
     assert!(is_on_the_way(&command, 0.604, 0.606), "{}", command.reference);
+}
+
+/// Behind the end of a preview a reference seems to stop at once.
+#[test]
+fn what_comes_is_known_of_a_generator_and_of_an_axis_that_holds_but_not_of_a_channel() {
+    let references = |machine: &Machine| References::new(0, &machine.axes[0], 0.01, 3, 8);
+    assert_eq!(references(&machine_with(SINES, SINES)).coming().map(<[f64]>::len), Some(9));
+    let mut channel = references(&machine_with(SINES, "kind = \"channel\"\n"));
+    assert_eq!(channel.coming(), None);
+    channel.hold(Some((0.6, 0.0)));
+    assert_eq!((channel.coming().map(<[f64]>::len), channel.positions().len()), (Some(9), 4));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! ```text
 //! g_i = max(1, sqrt(P_i / P_0i))          r_i = s_i min(1, sqrt(m_i / M_ii))          p_i = min(1, G_i(r_i) / G_i(1))
 //! s_i = root of the part of the stiffness that the drained chamber has where g_i > 1, else 1        n_i = r_i / s_i^2
-//! v_F = what the forces of the coming motion take of the speed (`oil`)
+//! v_F = what the forces of the coming motion take of the speed (`forces`)
 //! ```
 //!
 //! P_i force with which the load pulls in the direction of the motion, N, at rest and with the payload of the machine
@@ -17,7 +17,7 @@
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
-mod oil;
+mod forces;
 
 use mechanism::{AXES, CylinderDynamics, PreparedMechanism, Vector};
 use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Overrun};
@@ -27,7 +27,7 @@ use crate::{
     margins::{Loop, mean_slope},
     payload::carrying,
 };
-use oil::Oil;
+use forces::Forces;
 
 /// T_F, s, of the slow part of a force: long beside a swing of 1 Hz, and short beside a change of posture.
 pub const SLOW: f64 = 0.5;
@@ -47,13 +47,13 @@ pub struct Load {
     pub gain: [f64; 3],
     /// By how much a pressure counts more in the damping of the swing, in the same order.
     pub damping: [f64; 3],
-    /// v_F, m/s.
-    pub oil: f64,
+    /// v_F: speed that the forces of the coming motion take, m/s.
+    pub forces: f64,
 }
 
 impl Load {
     /// An axis whose load is not known, or is that of its commissioning.
-    pub const USUAL: Self = Self { faster: [1.0; 2], gain: [1.0; 3], damping: [1.0; 3], oil: 0.0 };
+    pub const USUAL: Self = Self { faster: [1.0; 2], gain: [1.0; 3], damping: [1.0; 3], forces: 0.0 };
 
     /// g of a motion in this direction.
     pub fn faster(&self, direction: f64) -> f64 {
@@ -104,7 +104,7 @@ impl Commissioning {
             faster,
             gain: softer.map(|softer| self.part(lighter * softer)),
             damping: softer.map(|softer| lighter / softer),
-            oil: 0.0,
+            forces: 0.0,
         }
     }
 
@@ -145,7 +145,7 @@ fn slower(model: &Commissioned, r: f64) -> Commissioned {
 pub struct Loads {
     mechanism: PreparedMechanism,
     axes: [Commissioning; AXES],
-    oil: [Option<Oil>; AXES],
+    forces: [Option<Forces>; AXES],
     /// With an empty bucket and with the heaviest payload, where the payload is estimated.
     payloads: Option<[PreparedMechanism; 2]>,
     /// kg.
@@ -163,13 +163,13 @@ impl Loads {
             payloads: heaviest.map(|heaviest| [0.0, heaviest].map(|mass| carrying(mechanism, mass))),
             heaviest: heaviest.unwrap_or(f64::INFINITY),
             axes: axes.each_ref().map(|axis| Commissioning::of(axis, period)),
-            oil: axes.each_ref().map(|axis| Oil::of(axis, period)),
+            forces: axes.each_ref().map(|axis| Forces::of(axis, period)),
         })
     }
 
     /// Number of coming ticks whose references are used.
     pub fn ahead(&self) -> usize {
-        self.oil.iter().flatten().map(Oil::ahead).max().unwrap_or_default()
+        self.forces.iter().flatten().map(Forces::ahead).max().unwrap_or_default()
     }
 
     /// What the loads do with the cylinders at `positions` m and `payload` kg in the bucket; without that, as much as
@@ -182,13 +182,12 @@ impl Loads {
     ) -> [Load; AXES] {
         let CylinderDynamics { mass, load } = self.dynamics(positions, &[0.0; AXES], payload);
         let mut all = std::array::from_fn(|i| self.axes[i].load(load[i], mass[i][i], positions[i]));
-        let mut oil = self.oil;
-        for (i, (load, oil)) in all.iter_mut().zip(&mut oil).enumerate() {
-            if let Some(oil) = oil {
-                load.oil = oil.update(i, references, |positions, speeds| self.dynamics(positions, speeds, payload));
-            }
+        let mut forces = self.forces;
+        for (i, (load, forces)) in all.iter_mut().zip(&mut forces).enumerate() {
+            let dynamics = |positions: &_, speeds: &_| self.dynamics(positions, speeds, payload);
+            load.forces = forces.as_mut().map_or(0.0, |forces| forces.update(i, references, dynamics));
         }
-        self.oil = oil;
+        self.forces = forces;
         all
     }
 

@@ -295,8 +295,8 @@ impl AxisController {
         }
     }
 
-    /// The references of the last tick and of those after it, m; none for an axis that follows no reference, or one
-    /// whose end of the preview is not known.
+    /// The references of the last tick and of those after it, m; none for an axis that follows no reference, or that of
+    /// a channel.
     pub fn coming(&self) -> Option<&[f64]> {
         self.references.coming().filter(|_| self.follows())
     }

@@ -111,7 +111,7 @@ impl Feedforward {
         let speed = |i: usize| ((1.0 - part) * (at(i + 1) - at(i)) + part * (at(i + 2) - at(i + 1))) / self.period;
         let now = speed(0);
         // Not `clamp`, which panics on references that are no number.
-        let forces = (load.oil * now.signum()).max(-MOST_OPPOSED * now.abs()).min(MOST_ADDED * now.abs());
+        let forces = (load.forces * now.signum()).max(-MOST_OPPOSED * now.abs()).min(MOST_ADDED * now.abs());
         let with_forces = now.abs() + forces;
         let moving = self.model.command(with_forces.copysign(now) / load.faster(now));
         let command = if now.abs() < STILL {
@@ -198,11 +198,11 @@ mod tests {
     #[test]
     fn what_the_forces_take_is_added_and_turns_no_motion_round() {
         let feedforward = Feedforward::new(&commissioned(), 0.0, PERIOD);
-        let speed = |speed: f64, oil: f64| {
+        let speed = |speed: f64, forces: f64| {
             let targets: Vec<f64> = (0..40).map(|k| 0.3 + speed * PERIOD * f64::from(k)).collect();
-            commissioned().speed(feedforward.coming(&targets, &Load { oil, ..Load::USUAL }).command)
+            commissioned().speed(feedforward.coming(&targets, &Load { forces, ..Load::USUAL }).command)
         };
-        for (reference, oil, expected) in [
+        for (reference, forces, expected) in [
             (0.1, 0.05, 0.15),
             (0.1, -0.05, 0.05),
             (-0.1, 0.05, -0.05),
@@ -210,7 +210,11 @@ mod tests {
             (-0.1, 0.5, -0.01),
             (0.1, 9.0, 0.2),
         ] {
-            assert!((speed(reference, oil) - expected).abs() < 1e-9, "{reference} {oil}: {}", speed(reference, oil));
+            assert!(
+                (speed(reference, forces) - expected).abs() < 1e-9,
+                "{reference} {forces}: {}",
+                speed(reference, forces)
+            );
         }
         assert_eq!(speed(0.0, 0.1), 0.0, "an axis that stands");
     }

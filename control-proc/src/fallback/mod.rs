@@ -121,7 +121,7 @@ impl Fallback {
     /// Gains and dead band from the machine file; feed-forward by `commissioned` if the file asks for it; `period` in
     /// s.
     pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
-        let damping = if control.without.damping { 0.0 } else { control.pressure_damping };
+        let damping = control.damping_in_use();
         let model = commissioned.filter(|_| control.feedforward).map(|model| model.damped(damping));
         let model = model.as_ref();
         let learning = model.filter(|_| !control.without.learning);

@@ -96,7 +96,7 @@ impl PressureFeedback {
         let without = part_without(control, model, period);
         Some(Self {
             cylinder: Cylinder::of(axis).filter(|_| !control.without.damping),
-            gain: 2.0 * control.pressure_damping / (TAU * model.natural_frequency * model.mass),
+            gain: model.opposing_speed(control.pressure_damping),
             new: 1.0 - (-period / SLOW).exp(),
             slow: None,
             without,

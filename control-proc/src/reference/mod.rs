@@ -280,8 +280,8 @@ impl References {
         &self.positions[..=self.ahead.used]
     }
 
-    /// The same, as far as they are worked out; none while they come from a channel, whose preview ends somewhere: an
-    /// axis that seems to stop there is not about to.
+    /// y_r(k), y_r(k+1), .. as of the last update, m, as far as they are worked out; none while they come from a
+    /// channel, whose preview ends somewhere: an axis that seems to stop there is not about to.
     pub fn coming(&self) -> Option<&[f64]> {
         let is_known = self.channel.is_none() || self.state != State::Tracks;
         is_known.then(|| &self.positions[..=self.ahead.all])

@@ -27,10 +27,9 @@ const STEP: f64 = 0.05;
 const LEAST_PARTS: usize = 10;
 /// Cost of a way of the boom of 1 m along 1 m of the teeth, beside the way itself, m: of equal ways the even one.
 const EVENNESS: f64 = 0.5;
-/// What it costs that the boom turns round while the teeth move, m: it crosses its dead band there. To stop there, or
-/// to begin at all, costs half of it.
+/// What it costs that the boom turns round while the teeth move, m: it crosses its dead band there.
 const REVERSAL: f64 = 0.3;
-/// What it costs that it begins.
+/// What it costs that it stops there, or begins at all, m.
 pub const BEGIN: f64 = 0.5 * REVERSAL;
 
 /// A wall may be so much farther away than it seems between two choices, m: another part of the machine comes next to
@@ -158,7 +157,7 @@ impl Stretch {
 /// Cost of a joint of two stretches along which the boom moves by `before` and `after`, m.
 fn joint_cost(before: f64, after: f64) -> f64 {
     let sign = |moved: f64| if moved == 0.0 { 0.0 } else { moved.signum() };
-    0.5 * REVERSAL * (sign(after) - sign(before)).abs()
+    BEGIN * (sign(after) - sign(before)).abs()
 }
 
 /// The way back through one run: from the choice at its end to those at the ends of all its stretches.

@@ -215,6 +215,12 @@ impl Commissioned {
         damped
     }
 
+    /// 2 zeta_p / (w m), m/(s N): speed that opposes a newton of the load's swing, so that its damping ratio is greater
+    /// by `more` (zeta_p).
+    pub fn opposing_speed(&self, more: f64) -> f64 {
+        2.0 * more / (TAU * self.natural_frequency * self.mass)
+    }
+
     /// Period of the swing of the load, s; 0 without a swing.
     pub fn swing_period(&self) -> f64 {
         if self.natural_frequency > 0.0 { 1.0 / self.natural_frequency } else { 0.0 }

@@ -119,6 +119,11 @@ pub enum ModelChoice {
 }
 
 impl Control {
+    /// zeta_p that is in use: 0 in a comparison without the damping.
+    pub fn damping_in_use(&self) -> f64 {
+        if self.without.damping { 0.0 } else { self.pressure_damping }
+    }
+
     pub(super) fn read(mut section: Section, owner: &Owner) -> Self {
         let Owner { name, commissioned, max_speed, resolution, period, .. } = *owner;
         let dead_band = read_dead_band(&mut section, commissioned);

@@ -24,9 +24,9 @@ use pipeline::machine::Axis;
 
 use super::SLOW;
 
-/// The oil of one axis.
+/// The forces of one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Oil {
+pub struct Forces {
     /// t_d + tau + T/2 in ticks.
     lead: f64,
     /// m w^2, N/m.
@@ -43,7 +43,7 @@ pub struct Oil {
     period: f64,
 }
 
-impl Oil {
+impl Forces {
     /// Of an axis with feed-forward of which a swing was found; `period` in s.
     pub fn of(axis: &Axis, period: f64) -> Option<Self> {
         let control = &axis.control;
@@ -52,11 +52,11 @@ impl Oil {
             return None;
         }
         let w = TAU * model.natural_frequency;
-        let ratio = if control.without.damping { 0.0 } else { control.pressure_damping };
+        let ratio = control.damping_in_use();
         Some(Self {
             lead: model.damped(ratio).reaction() / period + 0.5,
             stiffness: model.mass * w * w,
-            damping: 2.0 * ratio / (model.mass * w),
+            damping: model.opposing_speed(ratio),
             mass: model.mass,
             slow: None,
             new: 1.0 - (-period / SLOW).exp(),
@@ -116,59 +116,59 @@ mod tests {
 
     const PERIOD: f64 = 0.01;
 
-    /// The oil of the boom of the built-in excavator.
-    fn boom(change: impl Fn(&mut Axis)) -> Option<Oil> {
+    /// The forces of the boom of the built-in excavator.
+    fn boom(change: impl Fn(&mut Axis)) -> Option<Forces> {
         let mut axis = Machine::load(None, &[]).unwrap().axes.remove(0);
         change(&mut axis);
-        Oil::of(&axis, PERIOD)
+        Forces::of(&axis, PERIOD)
     }
 
     /// v_F of the boom in every tick while it moves by `own` m and the arm by `other` m, of tick numbers. It feels
     /// its own mass, a tenth of that from the arm, and a spring of so many N/m.
-    fn speeds(oil: &mut Oil, spring: f64, own: impl Fn(f64) -> f64, other: impl Fn(f64) -> f64) -> Vec<f64> {
-        let mass = oil.mass;
+    fn speeds(forces: &mut Forces, spring: f64, own: impl Fn(f64) -> f64, other: impl Fn(f64) -> f64) -> Vec<f64> {
+        let mass = forces.mass;
         let dynamics = |positions: &[f64; AXES], _: &[f64; AXES]| {
             let mut all = CylinderDynamics { mass: [[0.0; AXES]; AXES], load: [spring * positions[0], 0.0, 0.0, 0.0] };
             (all.mass[0][0], all.mass[0][1]) = (mass, 0.1 * mass);
             all
         };
-        let ahead = oil.ahead();
+        let ahead = forces.ahead();
         let ticks =
             |of: &dyn Fn(f64) -> f64, k: usize| -> Vec<f64> { (0..=ahead).map(|i| of((k + i) as f64)).collect() };
         (0..300)
             .map(|k| {
                 let (one, two) = (ticks(&own, k), ticks(&other, k));
-                oil.update(0, &[Some(&one), Some(&two), Some(&[0.0]), Some(&[0.0])], dynamics)
+                forces.update(0, &[Some(&one), Some(&two), Some(&[0.0]), Some(&[0.0])], dynamics)
             })
             .collect()
     }
 
     #[test]
     fn forces_that_rise_press_the_oil_together() {
-        let mut oil = boom(|_| {}).unwrap();
-        assert_eq!(oil.damping, 0.0, "without transducers");
+        let mut forces = boom(|_| {}).unwrap();
+        assert_eq!(forces.damping, 0.0, "without transducers");
         // A steady speed against a spring: dF/dt = 1e5 N/m 0.2 m/s.
-        let steady = speeds(&mut oil, 1e5, |tick| 0.002 * tick, |_| 0.5);
-        let expected = 1e5 * 0.2 / oil.stiffness;
+        let steady = speeds(&mut forces, 1e5, |tick| 0.002 * tick, |_| 0.5);
+        let expected = 1e5 * 0.2 / forces.stiffness;
         assert!(steady.iter().all(|speed| (speed / expected - 1.0).abs() < 1e-6), "{steady:?}");
         // The arm is accelerated more and more, by 1 m/s3.
-        let jerk = speeds(&mut oil, 0.0, |_| 0.5, |tick| (tick * PERIOD).powi(3) / 6.0);
-        let expected = 0.1 * oil.mass / oil.stiffness;
+        let jerk = speeds(&mut forces, 0.0, |_| 0.5, |tick| (tick * PERIOD).powi(3) / 6.0);
+        let expected = 0.1 * forces.mass / forces.stiffness;
         assert!(jerk.iter().all(|speed| (speed / expected - 1.0).abs() < 1e-6), "{jerk:?}");
     }
 
     #[test]
     fn what_the_pressure_feedback_takes_for_a_swing_of_other_axes_is_made_good() {
-        let oil = boom(|axis| axis.control.pressure_damping = 0.3).unwrap();
-        assert!(oil.damping > 0.0);
+        let forces = boom(|axis| axis.control.pressure_damping = 0.3).unwrap();
+        assert!(forces.damping > 0.0);
         // From tick 100 on with 1 m/s2: first G is all fast, 0.5 s later a third of it.
         let begins = |tick: f64| 0.5 * (PERIOD * (tick - 100.0).max(0.0)).powi(2);
-        let by_arm = speeds(&mut { oil }, 0.0, |_| 0.5, begins);
-        let (tick, whole) = (100 - oil.lead as usize, oil.damping * 0.1 * oil.mass);
+        let by_arm = speeds(&mut { forces }, 0.0, |_| 0.5, begins);
+        let (tick, whole) = (100 - forces.lead as usize, forces.damping * 0.1 * forces.mass);
         assert!((by_arm[tick] / whole - 1.0).abs() < 0.1, "{} {whole}", by_arm[tick]);
         assert!((by_arm[tick + 50] / whole - (-1.0f64).exp()).abs() < 0.02, "{} {whole}", by_arm[tick + 50]);
         // Its own acceleration is not among these.
-        let by_itself = speeds(&mut { oil }, 0.0, begins, |_| 0.5);
+        let by_itself = speeds(&mut { forces }, 0.0, begins, |_| 0.5);
         assert!(by_itself[tick + 50].abs() < 0.02 * whole, "{}", by_itself[tick + 50]);
     }
 
@@ -178,13 +178,13 @@ mod tests {
         assert_eq!(boom(|axis| swing(axis, 0.0)), None);
         assert_eq!(boom(|axis| axis.control.without.load = true), None);
         assert_eq!(boom(|axis| axis.control.feedforward = false), None);
-        let mut oil = boom(|_| {}).unwrap();
+        let mut forces = boom(|_| {}).unwrap();
         let none = |_: &[f64; AXES], _: &[f64; AXES]| panic!("nothing to work out");
-        assert_eq!(oil.update(0, &[None, Some(&[0.1]), Some(&[0.1]), Some(&[0.1])], none), 0.0);
+        assert_eq!(forces.update(0, &[None, Some(&[0.1]), Some(&[0.1]), Some(&[0.1])], none), 0.0);
         let all = [Some([0.1].as_slice()); AXES];
         let open =
             |_: &[f64; AXES], _: &[f64; AXES]| CylinderDynamics { mass: [[f64::NAN; AXES]; AXES], load: [0.0; AXES] };
-        assert_eq!(oil.update(0, &all, open), 0.0);
-        assert_eq!(oil.slow, None);
+        assert_eq!(forces.update(0, &all, open), 0.0);
+        assert_eq!(forces.slow, None);
     }
 }

@@ -9,10 +9,15 @@
 
 use control_proc::{
     ReferenceError,
+    protection::walls::Walls,
     tip::{TipPlan, watch::NEAR},
 };
 use mechanism::{AXES, PreparedMechanism, Vector};
-use pipeline::{machine::Machine, statistics::ErrorStatistics};
+use pipeline::{
+    machine::Machine,
+    message::{AxisCommand, control_flag},
+    statistics::ErrorStatistics,
+};
 use plant_sim::PlantSim;
 use serde::Serialize;
 
@@ -51,6 +56,21 @@ pub struct Teeth {
     names: Vec<String>,
     /// Where the cylinders were at the last tick before the way, m.
     before: [f64; AXES],
+    walls: Option<Walls>,
+    /// Ticks so far.
+    ticks: u64,
+    stopped: Option<Stopped>,
+}
+
+/// What ended a task before its end.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Stopped {
+    /// The first axis that a virtual wall has stopped.
+    pub axis: String,
+    /// The wall that the machine was nearest to, as a key of the machine file.
+    pub wall: &'static str,
+    /// When, s.
+    pub time: f64,
 }
 
 /// The figures of a run; m, degrees and s.
@@ -72,6 +92,8 @@ pub struct TeethFigures {
     pub is_done: bool,
     /// Where the teeth have not begun: the axis that is furthest from the begin of the way, and how far, m.
     pub awaited: Option<(String, f64)>,
+    /// What has stopped a task that has not come to its end.
+    pub stopped: Option<Stopped>,
     /// Statistics of the distance from the way, to be merged.
     #[serde(skip)]
     pub error: ErrorStatistics,
@@ -97,6 +119,9 @@ impl Teeth {
             is_done: false,
             names: machine.axes.iter().take(AXES).map(|axis| axis.name.clone()).collect(),
             before: [f64::NAN; AXES],
+            walls: Walls::of(machine),
+            ticks: 0,
+            stopped: None,
         }))
     }
 
@@ -105,9 +130,13 @@ impl Teeth {
         &self.plan
     }
 
-    /// Takes in a tick; `way` is [`control_proc::Controller::on_the_way`].
-    pub fn observe(&mut self, way: Option<(f64, f64)>, plant: &PlantSim) {
+    /// Takes in a tick and its commands; `way` is [`control_proc::Controller::on_the_way`].
+    pub fn observe(&mut self, way: Option<(f64, f64)>, plant: &PlantSim, commands: &[AxisCommand]) {
         let positions: [f64; AXES] = std::array::from_fn(|i| plant.axes()[i].position);
+        if self.stopped.is_none() {
+            self.stopped = self.stopped_by(&positions, commands);
+        }
+        self.ticks += 1;
         let Some(t) = way.map(|(start, now)| self.period * (now - start)).filter(|t| *t >= 0.0) else {
             self.before = positions;
             return;
@@ -126,6 +155,13 @@ impl Teeth {
         self.error.push(distance);
         let wanted = mechanism::Rotation::by(self.plan.place(t).pitch);
         self.pitch.push((pose.bucket * wanted.inverse()).angle().to_degrees());
+    }
+
+    /// The axis that a wall stops in this tick.
+    fn stopped_by(&self, positions: &[f64; AXES], commands: &[AxisCommand]) -> Option<Stopped> {
+        let axis = self.names.iter().zip(commands).find(|(_, axis)| axis.flags & control_flag::WALL != 0)?.0.clone();
+        let (wall, _) = self.walls.as_ref()?.least_distance(positions)?;
+        Some(Stopped { axis, wall, time: self.period * self.ticks as f64 })
     }
 
     /// The teeth of a tick as a picture shows them; none before the begin and after the end of the way.
@@ -152,6 +188,7 @@ impl Teeth {
             length: self.plan.travel(),
             is_done: self.is_done,
             awaited: if has_begun { None } else { self.awaited() },
+            stopped: self.stopped.clone().filter(|_| !self.is_done),
             error: self.error,
             pitch: self.pitch,
         }
@@ -172,10 +209,13 @@ impl TeethFigures {
     /// A line for people.
     pub fn line(&self) -> String {
         let planned = format!("{} m in {} s", number(self.length), number(self.duration));
+        let stopped = self.stopped.as_ref().map_or_else(String::new, |Stopped { axis, wall, time }| {
+            format!(" walls.{wall} stopped axis.{axis} at {time:.2} s.")
+        });
         match (self.rms, self.max, self.max_at, self.pitch_rms) {
             (Some(rms), Some(max), Some([x, z]), Some(pitch)) => format!(
                 "Teeth, {planned}: {} mm rms and at most {} mm from their way, at [{x:.2}, {z:.2}] m; pitch {} degrees \
-                 rms{}.\n",
+                 rms{}.{stopped}\n",
                 number(1e3 * rms),
                 number(1e3 * max),
                 number(pitch),
@@ -186,7 +226,7 @@ impl TeethFigures {
                     format!(" axis.{axis} was furthest from it at the end, {} mm.", number(1e3 * error))
                 });
                 format!(
-                    "Teeth, {planned}: not begun; all four axes have to track, and to come to its begin first.{}\n",
+                    "Teeth, {planned}: not begun; all four axes have to track, and to come to its begin first.{}{stopped}\n",
                     awaited.unwrap_or_default()
                 )
             }

@@ -57,6 +57,10 @@ const SPEED_DELAY: f64 = 0.02;
 const SLACK: f64 = 3e-3;
 /// Opening by which a valve may begin before the dead band that was found ends: a curve is least exact there.
 const UNSURE: f64 = 0.02;
+/// Least distance of a task from a wall, m, and speed by which teeth may be faster towards it than planned while the
+/// axes stop, m/s.
+const LEAST_MARGIN: f64 = 0.03;
+const ASTRAY: f64 = 0.25;
 /// Step of a cylinder for the motion of the rocker, m.
 const STEP: f64 = 1e-4;
 
@@ -306,6 +310,12 @@ impl Walls {
     /// The wall that is crossed farthest, by its name, and by how much, m; none where no part is beyond a wall.
     pub fn crossed(&self, positions: &[f64; AXES]) -> Option<(&'static str, f64)> {
         self.least_distance(positions).filter(|(_, distance)| *distance < 0.0).map(|(wall, d)| (wall, -d))
+    }
+
+    /// Least distance of a task from a wall, m: what a controller is off its way must not stop the task.
+    pub fn margin(&self) -> f64 {
+        let slowest = self.stops.iter().map(|stop| stop.hard).fold(0.0, f64::max);
+        LEAST_MARGIN.max(ASTRAY * slowest)
     }
 
     /// The part by which speeds of the cylinders, m/s, have to become smaller at `positions` m, so that they stop

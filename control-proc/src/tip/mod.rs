@@ -33,9 +33,6 @@ use posture::{Cylinders, Short};
 use timing::Timing;
 use way::{TipPlace, Way};
 
-/// Least distance of a task from a virtual wall, m: what a controller is off its way must not stop the task.
-pub const WALL_MARGIN: f64 = 0.03;
-
 /// Why a machine cannot do its task.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TipError {
@@ -223,9 +220,9 @@ fn missing(machine: &Machine, cylinders: &Cylinders, short: Short) -> String {
         Short::Wall(wall, distance) => {
             let side = if distance < 0.0 { "beyond" } else { "before" };
             format!(
-                "where boom, arm or bucket would be {:.3} m {side} walls.{wall}; allowed: at least {WALL_MARGIN} m \
-                 before it",
-                distance.abs()
+                "where boom, arm or bucket would be {:.3} m {side} walls.{wall}; allowed: at least {:.3} m before it",
+                distance.abs(),
+                cylinders.wall_margin()
             )
         }
     }

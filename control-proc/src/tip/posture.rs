@@ -17,7 +17,7 @@
 use mechanism::{AXES, Joint, Linkage, Mechanism, Moments, Rotation, Vector};
 use pipeline::machine::Machine;
 
-use super::{WALL_MARGIN, way::TipPlace};
+use super::way::TipPlace;
 use crate::protection::walls::Walls;
 
 /// Part of a cylinder's largest force that may hold bodies and payload; the rest moves them.
@@ -89,7 +89,7 @@ pub struct Margins {
     pub room: (f64, usize),
     /// Largest part of the allowed force of a cylinder, and its axis.
     pub load: (f64, usize),
-    /// Distance from the nearest virtual wall beyond [`WALL_MARGIN`], m.
+    /// Distance from the nearest virtual wall beyond [`Walls::margin`], m.
     pub wall: f64,
 }
 
@@ -177,7 +177,7 @@ impl<'m> Cylinders<'m> {
             let part = if force > 0.0 { force / push } else { -force / pull };
             load = if part > load.0 { (part, i) } else { load };
         }
-        Margins { room, load, wall: posture.wall - WALL_MARGIN }
+        Margins { room, load, wall: posture.wall - self.wall_margin() }
     }
 
     /// Expects that a cylinder is within its soft limits, holds no more than it may, and no part is at a wall.
@@ -219,8 +219,13 @@ impl<'m> Cylinders<'m> {
                 let (pull, push) = self.forces[*i];
                 (0, (force / push).max(-force / pull) - 1.0)
             }
-            Short::Wall(_, distance) => (0, WALL_MARGIN - distance),
+            Short::Wall(_, distance) => (0, self.wall_margin() - distance),
         }
+    }
+
+    /// Least distance from a virtual wall, m.
+    pub fn wall_margin(&self) -> f64 {
+        self.walls.as_ref().map_or(0.0, Walls::margin)
     }
 
     /// Allowed forces of an axis, from pulling, which is negative, to pushing, N.

@@ -9,8 +9,8 @@
 //! q' and q'' its derivatives by s; c_i speed in m/s that the axis can give that way and there: 0.9 of the largest
 //! measured one, and less near a soft limit ([`EndStops`]); a_i `stop_deceleration` in m/s2; Q nine tenths of the
 //! pump's flow in m3/s, A_i area in m2 that the pump fills. x rises and falls as steeply as allowed, and is 0 at both
-//! ends of the run. Near a virtual wall x is bounded as well: by 0.8 of the speed with which the cylinders would
-//! still stop [`WALL_MARGIN`]/2 before it ([`Walls`]).
+//! ends of the run. Near a virtual wall x is bounded as well: cylinders that went twice as fast would still stop before
+//! it, with half of what a task leaves to a wall ([`Walls::margin`]).
 //!
 //! s(t) of these speeds has steps of the acceleration. Its mean over the time T_s has none. The mean is as long as the
 //! run and stands at both ends:
@@ -32,7 +32,6 @@
 use mechanism::AXES;
 use pipeline::machine::{Axis, Commissioned, Machine, TipTask};
 
-use super::WALL_MARGIN;
 use crate::protection::{end_stops::EndStops, walls::Walls};
 
 /// Length between two points of the way at which speeds are worked out, m, and the least number of parts of a run.
@@ -42,8 +41,9 @@ const LEAST_PARTS: usize = 100;
 const GIVEN: f64 = 0.9;
 /// Speed with which an axis may arrive at a soft limit, m/s.
 const ARRIVAL: f64 = 0.01;
-/// Part of the speed that a virtual wall allows.
-const BEFORE_WALL: f64 = 0.8;
+/// Speeds for which the way to a virtual wall has to do, in parts of the planned ones: controllers make good what they
+/// are off their way.
+const BEFORE_WALL: f64 = 2.0;
 /// Periods of the slowest swing over which a way is averaged, and the largest part of a run's time for it.
 const SWINGS: f64 = 1.4;
 const SHARE: f64 = 0.05;
@@ -235,9 +235,8 @@ impl Timing {
 
     /// Speed of the teeth with which virtual walls let the cylinders pass `positions`, m/s; `rates` are q'.
     fn before_walls(&self, positions: &[f64; AXES], rates: [f64; AXES]) -> f64 {
-        let factor = |walls: &Walls| walls.factor(positions, &rates.map(|rate| rate * self.speed), 0.5 * WALL_MARGIN);
-        let factor = self.walls.as_ref().map_or(1.0, factor);
-        if factor < 1.0 { BEFORE_WALL * factor * self.speed } else { self.speed }
+        let fast = rates.map(|rate| BEFORE_WALL * rate * self.speed);
+        self.speed * self.walls.as_ref().map_or(1.0, |walls| walls.factor(positions, &fast, 0.5 * walls.margin()))
     }
 
     /// The mean over the time of smoothing of a way that stands before and after.

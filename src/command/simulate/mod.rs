@@ -74,7 +74,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
             progress.set_position(tick.number);
         }
         if let (Some(teeth), Some(plant)) = (&mut teeth, tick.plant) {
-            teeth.observe(tick.way, plant);
+            teeth.observe(tick.way, plant, &tick.command.axes);
         }
         match (&mut recorder, tick.plant) {
             (Some(recorder), Some(plant)) => {

@@ -96,6 +96,26 @@ fn a_task_that_cannot_be_done_without_the_free_axis_is_refused_and_told() {
     assert!(text.contains("where axis.boom would have to be at "), "{text}");
 }
 
+/// Regression: a task 0.2 m above a wall was accepted, and a wall ended it for good, which nobody was told.
+#[test]
+fn a_task_near_a_wall_is_refused_or_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let walls = "[walls]\ndepth = 1\nclearance = 0.3\npayload = 1500\ncorner = [{ at = [1.15, 0.62] }]\n";
+    fs::write(folder.path().join("walled.toml"), format!("{}\n{walls}", pipeline::machine::BUILT_IN)).unwrap();
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/excavator-model.toml");
+    let near = |depth: &str, without: &[&str]| {
+        let depth = format!("walls.depth={depth}");
+        success(folder.path(), &[&ONE[..], &["walled.toml", "--model", model, "--set", &depth], without].concat())
+    };
+    let [far, close] = ["0.2", "0.05"].map(|depth| near(depth, &[]));
+    assert!(!far.contains("refused,") && !far.contains("stopped,"), "{far}");
+    assert!(close.contains("fallback, level: 1 refused, the first of them: tip.piece[0]: found"), "{close}");
+    assert!(close.contains("before walls.depth; allowed: at least 0.1"), "{close}");
+    // The plan's own speed in joint space does not know the wall.
+    let told = near("0.2", &["--without", "teeth"]);
+    assert!(told.contains("joint, level: 1 stopped, the first of them: walls.depth stopped axis."), "{told}");
+}
+
 #[test]
 fn seeds_are_summed_up_and_a_picture_shows_up_to_four_controllers() {
     let folder = tempfile::tempdir().unwrap();

@@ -15,7 +15,7 @@ use super::{super::super::simulate::closed_loop, AROUND, PATIENCE, controller::C
 use crate::{
     failure::Failure,
     group::operator,
-    report::teeth::{Teeth, TracePoint},
+    report::teeth::{Stopped, Teeth, TracePoint},
 };
 
 /// Ticks between two places of the teeth that are kept for a picture.
@@ -63,6 +63,9 @@ pub struct Row {
     pub latches: Vec<String>,
     /// The planned time has passed.
     pub is_done: bool,
+    /// The virtual wall that has ended the task before its end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<Stopped>,
     /// Distance from the way, to be merged.
     #[serde(skip)]
     pub error: ErrorStatistics,
@@ -109,7 +112,7 @@ impl Case<'_> {
         let mut latched = vec![0; machine.axes.len()];
         closed_loop::run(&machine, self.seed, ticks, |tick| {
             if let Some(plant) = tick.plant {
-                teeth.observe(tick.way, plant);
+                teeth.observe(tick.way, plant, &tick.command.axes);
                 row.trace.extend((tick.number % TRACED == 0).then(|| teeth.trace(tick.way, plant)).flatten());
             }
             row.tell_latches(&machine, tick.number, &tick.command.axes, &mut latched);
@@ -146,7 +149,7 @@ impl Row {
         (self.rms, self.max, self.max_at, self.pitch_rms) =
             (figures.rms, figures.max, figures.max_at, figures.pitch_rms);
         (self.duration, self.is_done) = (Some(figures.duration), figures.is_done);
-        (self.error, self.pitch) = (figures.error, figures.pitch);
+        (self.error, self.pitch, self.stopped) = (figures.error, figures.pitch, figures.stopped);
         // The error is taken at every tick on the way.
         self.time = figures.is_done.then_some(figures.error.count as f64 * period.as_secs_f64());
     }

@@ -7,7 +7,10 @@ use pipeline::statistics::{ErrorStatistics, median};
 use serde::Serialize;
 
 use super::{case::Row, controller::Controller, task::TipTaskKind};
-use crate::report::table::{number, table};
+use crate::report::{
+    table::{number, table},
+    teeth::Stopped,
+};
 
 /// All figures; m, degrees, s.
 #[derive(Debug, Serialize)]
@@ -54,8 +57,8 @@ impl TipReport {
         let is_usual = self.controllers.len() == Controller::chosen(&[]).len();
         match self.drawn_with {
             Some(seed) => self.table_of_drawn(seed),
-            None if is_usual => self.table_of_tasks(),
-            None => format!("{}\n{}{}", self.summary(), self.table_by_task(), self.refusals()),
+            None if is_usual => format!("{}{}", self.table_of_tasks(), self.reasons()),
+            None => format!("{}\n{}{}", self.summary(), self.table_by_task(), self.reasons()),
         }
     }
 
@@ -127,19 +130,27 @@ impl TipReport {
         format!("{}\n", table(&header, self.controllers.iter().map(line).collect()))
     }
 
-    /// A line for each controller and task that was refused, with the reason of the first run.
-    fn refusals(&self) -> String {
+    /// A line for each controller and task that was refused or stopped by a wall, with the reason of the first run.
+    fn reasons(&self) -> String {
+        let refused = |row: &Row| row.refused.clone();
+        let stopped = |row: &Row| {
+            let Stopped { axis, wall, time } = row.stopped.as_ref()?;
+            Some(format!("walls.{wall} stopped axis.{axis} at {time:.2} s"))
+        };
+        self.told("refused", refused) + &self.told("stopped", stopped)
+    }
+
+    fn told(&self, what: &str, why: impl Fn(&Row) -> Option<String>) -> String {
         let mut told: Vec<(&str, &str)> = Vec::new();
         let mut text = String::new();
         for row in &self.rows {
-            let Some(why) = &row.refused else { continue };
-            if told.contains(&(row.controller, row.task.as_str())) {
+            let Some(reason) = why(row).filter(|_| !told.contains(&(row.controller, row.task.as_str()))) else {
                 continue;
-            }
+            };
             told.push((row.controller, &row.task));
             let all = self.of(row.controller).filter(|other| other.task == row.task);
-            let refused = all.filter(|other| other.refused.is_some()).count();
-            text += &format!("{}, {}: {refused} refused, the first of them: {why}\n", row.controller, row.task);
+            let count = all.filter(|other| why(other).is_some()).count();
+            text += &format!("{}, {}: {count} {what}, the first of them: {reason}\n", row.controller, row.task);
         }
         text
     }

@@ -442,7 +442,7 @@ fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     const AXIS: usize = 3;
     let _cores = shared();
     let machine = Machine::four_axes(&[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
-    let options = ExperimentOptions::default();
+    let options = ExperimentOptions { duration: Duration::from_secs(60), ..ExperimentOptions::default() };
     let mut group = TestGroup::new("experiment");
     let channels = group.join();
     let (snapshots, requests) = (channels.publisher::<CoefficientSnapshot>().unwrap(), channels.publisher().unwrap());

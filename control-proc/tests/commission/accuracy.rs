@@ -3,7 +3,6 @@
 use super::*;
 use control_proc::commission::{ExperimentRecord, analyse};
 use pipeline::machine::{Change, Commissioned, DeadBand, LoadForce, Overrun, Parameter, ValveCurve};
-use std::time::Duration;
 
 /// Time constant of the valves when the oil is at 5 degrees Celsius, s: 50 ms times the root of 382.3 over 29.97 mm2/s.
 const COLD: f64 = 0.1786;
@@ -19,7 +18,7 @@ fn other_random_steps_find_the_same_dead_bands() {
     let cases: Vec<(u64, usize)> =
         (2..8).flat_map(|seed| (0..machine.axes.len()).map(move |axis| (seed, axis))).collect();
     in_parallel(&cases, |(seed, axis)| {
-        let options = ExperimentOptions { seed: *seed, ..ExperimentOptions::default() };
+        let options = ExperimentOptions { seed: *seed, ..minute() };
         let run = Run::of(&machine, *axis, &options, *seed).expect_finished();
         let found = analyse(run.experiment.record()).unwrap().dead_band;
         let true_band = machine.axes[*axis].plant.as_ref().unwrap().dead_band;
@@ -57,7 +56,7 @@ fn a_direction_that_starts_late_is_not_taken_for_a_slow_one() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/excavator-servo.toml");
     let machine = Machine::load(Some(file.as_ref()), &[]).unwrap();
     let telescope = 2;
-    let run = Run::of(&machine, telescope, &ExperimentOptions::default(), 1).expect_finished();
+    let run = Run::of(&machine, telescope, &minute(), 1).expect_finished();
     let found = analyse(run.experiment.record()).unwrap();
     for command in [0.2, 0.3, 0.5, -0.2, -0.3, -0.5] {
         // That of a long motion: in the first second the pump still comes up.
@@ -75,7 +74,7 @@ fn the_speeds_of_long_motions_are_found() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/excavator-servo.toml");
     let machine = Machine::load(Some(file.as_ref()), &[]).unwrap();
     in_parallel(&[2, 3], |axis| {
-        let run = Run::of(&machine, *axis, &ExperimentOptions::default(), 1).expect_finished();
+        let run = Run::of(&machine, *axis, &minute(), 1).expect_finished();
         let found = analyse(run.experiment.record()).unwrap();
         for command in [0.3, 0.5, -0.3, -0.5] {
             let part = found.speed(command) / steady_speed(&machine, *axis, command, 2.0);
@@ -127,7 +126,7 @@ fn loads_that_overrun_an_axis_are_found_where_there_are_some() {
 fn the_load_that_overruns_the_arm_of_an_excavator_is_found() {
     let machine = Machine::load(None, &[]).unwrap();
     let arm = 1;
-    let run = Run::of(&machine, arm, &ExperimentOptions::default(), 1).expect_finished();
+    let run = Run::of(&machine, arm, &minute(), 1).expect_finished();
     let mut record = run.experiment.record().clone();
     let positions: Vec<f64> = machine.axes.iter().map(|axis| axis.plant.as_ref().unwrap().initial_position).collect();
     record.bear(&machine, arm, &positions);
@@ -217,7 +216,7 @@ fn the_dead_bands_of_axes_that_drift_under_their_load_are_found() {
         let plant = machine.axes[0].plant.as_mut().unwrap();
         (plant.load_stiffness, plant.load_force) = (stiffness, LoadForce::constant(load));
         let (true_band, half) = (plant.dead_band, 0.5 * plant.hysteresis);
-        let run = Run::of(&machine, 0, &ExperimentOptions::default(), 1).expect_finished();
+        let run = Run::of(&machine, 0, &minute(), 1).expect_finished();
         let found = analyse(run.experiment.record()).unwrap();
         let extend = found.dead_band.extend - true_band.extend - half;
         let retract = found.dead_band.retract - true_band.retract - half;
@@ -231,7 +230,7 @@ fn the_dead_bands_of_axes_that_drift_under_their_load_are_found() {
 /// speeds are a range between the two branches of the hysteresis.
 fn expect_found(machine: &Machine, time_constant: f64, dead_band: f64, from: f64) {
     for (axis, settings) in machine.axes.iter().enumerate() {
-        let run = Run::of(machine, axis, &ExperimentOptions::default(), 1).expect_finished();
+        let run = Run::of(machine, axis, &minute(), 1).expect_finished();
         assert!(run.beyond <= 0.0, "{}: {} m beyond the window", settings.name, run.beyond);
         let found = analyse(run.experiment.record()).unwrap();
         let plant = settings.plant.as_ref().unwrap();
@@ -309,7 +308,7 @@ fn steady_speed(machine: &Machine, axis: usize, u: f64, settling: f64) -> f64 {
 fn a_load_that_a_fast_valve_shakes_is_found_with_its_speeds() {
     let machine = Machine::load(Some(std::path::Path::new("../examples/excavator-servo.toml")), &[]).unwrap();
     in_parallel(&[1, 2, 3], |seed| {
-        let options = ExperimentOptions { seed: *seed, ..ExperimentOptions::default() };
+        let options = ExperimentOptions { seed: *seed, ..minute() };
         let run = Run::of(&machine, 0, &options, *seed).expect_finished();
         let record = run.experiment.record();
         assert!((0.3..0.6).contains(&record.swing), "seed {seed}: {} s", record.swing);
@@ -332,7 +331,7 @@ fn a_hysteresis_is_found_beside_a_load_that_swings() {
     in_parallel(&cases, |(file, hysteresis, seed)| {
         let mut machine = Machine::load(file.map(std::path::Path::new), &[]).unwrap();
         machine.axes[0].plant.as_mut().unwrap().hysteresis = *hysteresis;
-        let options = ExperimentOptions { seed: *seed, ..ExperimentOptions::default() };
+        let options = ExperimentOptions { seed: *seed, ..minute() };
         let run = Run::of(&machine, 0, &options, *seed).expect_finished();
         let found = analyse(run.experiment.record()).unwrap().hysteresis;
         println!("{file:?}, seed {seed}: {found:.4} of {hysteresis}");

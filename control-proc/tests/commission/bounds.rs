@@ -7,7 +7,6 @@ use pipeline::{
     machine::{Axis, DeadBand},
     message::{AxisSample, sample_fault},
 };
-use std::time::Duration;
 
 /// An axis with dead band 0.1, dead time 50 ms, lag 50 ms and 1 m/s at full opening, and with possible faults.
 struct Servo {
@@ -75,7 +74,7 @@ fn readings_that_fail_to_come_are_waited_for_at_neutral_until_the_time_out() {
         let mut machine = under("nominal");
         machine.timing.feedback_timeout = Duration::from_millis(300);
         let mut servo = Servo::new();
-        let mut experiment = Experiment::new(&boom(), &machine.timing, &ExperimentOptions::default());
+        let mut experiment = Experiment::new(&boom(), &machine.timing, &minute());
         for tick in 0.. {
             let mut sample = servo.sample();
             let missing = tick % 1000;
@@ -104,7 +103,7 @@ fn readings_that_fail_to_come_are_waited_for_at_neutral_until_the_time_out() {
 #[test]
 fn the_servo_itself_is_commissioned() {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &ExperimentOptions::default());
+    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &minute());
     while experiment.outcome().is_none() {
         servo.step(experiment.update(Some(&servo.sample())));
     }
@@ -123,19 +122,15 @@ fn the_servo_itself_is_commissioned() {
 
 #[test]
 fn an_axis_that_moves_without_a_command_ends_the_experiment() {
-    let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
-        servo.drift = if phase == Phase::Random { 0.3 } else { 0.0 }
-    });
+    let (reason, _) = abort(&minute(), |phase, servo, _| servo.drift = if phase == Phase::Random { 0.3 } else { 0.0 });
     assert!(matches!(reason, Abort::Speed { .. } | Abort::Against { .. } | Abort::Window { .. }), "{reason}");
-    let (reason, _) = abort(&ExperimentOptions::default(), |_, servo, _| servo.drift = -0.05);
+    let (reason, _) = abort(&minute(), |_, servo, _| servo.drift = -0.05);
     assert!(matches!(reason, Abort::Against { command: 0.0, .. }), "an axis that moves without a command: {reason}");
 }
 
 #[test]
 fn a_speed_beyond_the_bound_ends_the_experiment() {
-    let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
-        servo.gain = if phase == Phase::Random { 3.0 } else { 1.0 }
-    });
+    let (reason, _) = abort(&minute(), |phase, servo, _| servo.gain = if phase == Phase::Random { 3.0 } else { 1.0 });
     let Abort::Speed { found, allowed } = reason else { panic!("{reason}") };
     assert!(found > allowed && (allowed - 1.5 * 0.25).abs() < 1e-12, "{reason}");
     assert!(reason.to_string().contains("a greater --speed"), "{reason}");
@@ -143,9 +138,8 @@ fn a_speed_beyond_the_bound_ends_the_experiment() {
 
 #[test]
 fn a_creep_out_of_the_window_ends_the_experiment() {
-    let (reason, experiment) = abort(&ExperimentOptions::default(), |phase, servo, _| {
-        servo.drift = if phase == Phase::Pulses { 0.02 } else { 0.0 }
-    });
+    let (reason, experiment) =
+        abort(&minute(), |phase, servo, _| servo.drift = if phase == Phase::Pulses { 0.02 } else { 0.0 });
     let Abort::Creep { position, speed, .. } = reason else { panic!("{reason}") };
     let ((_, high), margin) = experiment.window();
     assert!(position > high + margin && position < high + margin + 0.01, "{reason}");
@@ -155,7 +149,7 @@ fn a_creep_out_of_the_window_ends_the_experiment() {
 
 #[test]
 fn an_axis_that_leaves_the_window_under_commands_is_asked_for_a_wider_one() {
-    let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
+    let (reason, _) = abort(&minute(), |phase, servo, _| {
         (servo.gain, servo.drift) = if phase == Phase::Random { (0.1, 0.04) } else { (1.0, 0.0) }
     });
     assert!(matches!(reason, Abort::Window { .. }), "{reason}");
@@ -167,7 +161,7 @@ fn a_slow_axis_has_the_time_to_show_a_motion() {
     // 5 mm/s at the highest level of the pulses: 1 mm in half a second only just, behind its dead time and lag.
     let slow = Axis { max_speed: 0.02, ..boom() };
     let mut servo = Servo { gain: 0.006, ..Servo::new() };
-    let options = ExperimentOptions { duration: Duration::from_secs(120), ..ExperimentOptions::default() };
+    let options = ExperimentOptions { duration: Duration::from_secs(120), ..minute() };
     let mut experiment = Experiment::new(&slow, &under("nominal").timing, &options);
     while experiment.outcome().is_none() {
         servo.step(experiment.update(Some(&servo.sample())));
@@ -177,7 +171,7 @@ fn a_slow_axis_has_the_time_to_show_a_motion() {
 
 #[test]
 fn an_axis_outside_its_soft_limits_does_not_begin_the_experiment() {
-    let (reason, experiment) = abort(&ExperimentOptions::default(), |_, servo, sample| {
+    let (reason, experiment) = abort(&minute(), |_, servo, sample| {
         servo.position = 0.03;
         sample.position = 0.03;
     });
@@ -188,27 +182,25 @@ fn an_axis_outside_its_soft_limits_does_not_begin_the_experiment() {
 
 #[test]
 fn without_motion_the_abort_asks_for_the_pump() {
-    let (reason, experiment) = abort(&ExperimentOptions::default(), |_, servo, _| servo.gain = 0.0);
+    let (reason, experiment) = abort(&minute(), |_, servo, _| servo.gain = 0.0);
     assert!(matches!(reason, Abort::NoMotion { extend: true, level: 0.6, .. }), "{reason}");
     assert!(reason.to_string().contains("is the pump on, and control.command_limit beyond"), "{reason}");
     assert!(experiment.record().commands.iter().all(|command| command.abs() <= 0.6));
     // A pump that fails later.
-    let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
-        servo.gain = if phase == Phase::Strokes { 0.0 } else { 1.0 }
-    });
+    let (reason, _) = abort(&minute(), |phase, servo, _| servo.gain = if phase == Phase::Strokes { 0.0 } else { 1.0 });
     assert!(matches!(reason, Abort::NoMotion { .. }), "{reason}");
 }
 
 #[test]
 fn a_reversed_sign_ends_the_experiment() {
-    let (reason, _) = abort(&ExperimentOptions::default(), |_, servo, _| servo.gain = -1.0);
+    let (reason, _) = abort(&minute(), |_, servo, _| servo.gain = -1.0);
     assert!(matches!(reason, Abort::Against { .. }), "{reason}");
 }
 
 #[test]
 fn a_stuck_encoder_ends_the_experiment() {
     let mut held = None;
-    let (reason, _) = abort(&ExperimentOptions::default(), |phase, _, sample| {
+    let (reason, _) = abort(&minute(), |phase, _, sample| {
         if phase == Phase::Random {
             sample.position = *held.get_or_insert(sample.position);
         }
@@ -220,7 +212,7 @@ fn a_stuck_encoder_ends_the_experiment() {
 fn lost_feedback_ends_the_experiment_after_three_samples() {
     for faults in [sample_fault::STALE, sample_fault::SPEED, sample_fault::ENCODER] {
         let mut ticks = 0;
-        let (reason, experiment) = abort(&ExperimentOptions::default(), |phase, _, sample| {
+        let (reason, experiment) = abort(&minute(), |phase, _, sample| {
             if phase == Phase::Strokes {
                 ticks += 1;
                 sample.faults = faults;
@@ -230,11 +222,11 @@ fn lost_feedback_ends_the_experiment_after_three_samples() {
         let commands = &experiment.record().commands;
         assert_eq!(commands.last(), Some(&0.0));
     }
-    let (reason, _) = abort(&ExperimentOptions::default(), |phase, _, sample| {
+    let (reason, _) = abort(&minute(), |phase, _, sample| {
         sample.faults = if phase == Phase::Pulses { sample_fault::RANGE } else { 0 };
     });
     assert_eq!(reason, Abort::Feedback { faults: sample_fault::RANGE });
-    let (reason, _) = abort(&ExperimentOptions::default(), |phase, _, sample| {
+    let (reason, _) = abort(&minute(), |phase, _, sample| {
         if phase == Phase::Pulses {
             sample.position = f64::NAN;
         }
@@ -245,7 +237,7 @@ fn lost_feedback_ends_the_experiment_after_three_samples() {
 #[test]
 fn one_or_two_missing_samples_are_bridged() {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &ExperimentOptions::default());
+    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &minute());
     let mut tick = 0;
     while experiment.outcome().is_none() {
         let sample = servo.sample();
@@ -260,17 +252,16 @@ fn one_or_two_missing_samples_are_bridged() {
 
 #[test]
 fn a_window_that_is_too_small_and_a_time_that_is_too_short_are_refused() {
-    let (reason, _) = abort(&ExperimentOptions { travel: Some(0.01), ..ExperimentOptions::default() }, |_, _, _| ());
+    let (reason, _) = abort(&ExperimentOptions { travel: Some(0.01), ..minute() }, |_, _, _| ());
     assert!(matches!(reason, Abort::TooSmall { .. }) && reason.to_string().contains("a wider --travel"), "{reason}");
-    let (reason, _) =
-        abort(&ExperimentOptions { duration: Duration::from_secs(12), ..ExperimentOptions::default() }, |_, _, _| ());
+    let (reason, _) = abort(&ExperimentOptions { duration: Duration::from_secs(12), ..minute() }, |_, _, _| ());
     assert!(matches!(reason, Abort::TooShort { .. }) && reason.to_string().contains("a longer --duration"), "{reason}");
 }
 
 #[test]
 fn the_experiment_can_be_stopped_at_any_time() {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &ExperimentOptions::default());
+    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &minute());
     while experiment.phase() != Phase::Random {
         servo.step(experiment.update(Some(&servo.sample())));
     }
@@ -312,7 +303,7 @@ fn machines_of_all_kinds_stay_in_the_window() {
     };
     let machines: Vec<(u64, Machine)> = (0..200).map(&mut machine_of).collect();
     let runs = in_parallel(&machines, |(seed, machine)| {
-        Run::of(machine, 0, &ExperimentOptions { seed: *seed, ..ExperimentOptions::default() }, *seed)
+        Run::of(machine, 0, &ExperimentOptions { seed: *seed, ..minute() }, *seed)
     });
     let (mut worst, mut ended) = (f64::NEG_INFINITY, 0);
     for ((seed, machine), run) in machines.iter().zip(&runs) {
@@ -356,7 +347,7 @@ fn coarse_encoders_and_fast_valves_are_no_reason_to_refuse() {
         }
     }
     let reasons = in_parallel(&cases, |(name, machine, axis)| {
-        let run = Run::of(machine, *axis, &ExperimentOptions::default(), 1);
+        let run = Run::of(machine, *axis, &minute(), 1);
         (run.experiment.outcome() != Some(Outcome::Finished)).then(|| format!("{name}: {}", run.reason()))
     });
     let refused: Vec<String> = reasons.into_iter().flatten().collect();

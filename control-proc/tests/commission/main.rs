@@ -3,6 +3,8 @@
 mod accuracy;
 mod bounds;
 
+use std::time::Duration;
+
 use control_proc::commission::{Experiment, ExperimentOptions, Outcome};
 use pipeline::{machine::Machine, message::ValveCommand};
 use plant_sim::PlantSim;
@@ -11,6 +13,11 @@ use sensor_proc::Acquisition;
 /// The built-in machine under one of its scenarios.
 fn under(scenario: &str) -> Machine {
     Machine::four_axes(&[("scenario".to_owned(), scenario.to_owned())]).unwrap()
+}
+
+/// An experiment of half the usual time: what is found from it is found from a longer one.
+fn minute() -> ExperimentOptions {
+    ExperimentOptions { duration: Duration::from_secs(60), ..ExperimentOptions::default() }
 }
 
 /// What `run` returns for every case, in their order. The cases are spread over the computer's cores.

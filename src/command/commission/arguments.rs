@@ -53,7 +53,7 @@ pub struct CommissionArguments {
     #[arg(long, value_name = "SPEED", value_parser = positive_in("m/s"), allow_hyphen_values = true)]
     pub speed: Option<f64>,
     /// Length of the experiment with each axis
-    #[arg(long, value_parser = duration, allow_hyphen_values = true, default_value = "60s")]
+    #[arg(long, value_parser = duration, allow_hyphen_values = true, default_value = "120s")]
     pub duration: Duration,
     /// Seed of the random steps and of the simulated noise
     #[arg(long, default_value_t = 1, value_parser = whole, allow_hyphen_values = true)]

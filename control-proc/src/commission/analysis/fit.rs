@@ -7,6 +7,7 @@ use super::{
     shape::{BENDS, KNOTS, Shape},
     spring::Spring,
     start::Start,
+    weights::Weights,
 };
 use crate::commission::record::ExperimentRecord;
 
@@ -57,6 +58,8 @@ impl Beside {
 #[derive(Clone, Copy)]
 pub(super) struct Data<'a> {
     pub record: &'a ExperimentRecord,
+    /// Of [`weights`]; all rows count the same without them.
+    pub weights: Option<&'a Weights>,
     /// First sample.
     pub begin: usize,
     /// Sample after the last one.
@@ -68,7 +71,12 @@ pub(super) struct Data<'a> {
     pub straightness: f64,
 }
 
-/// Normal equations of the differences, as sums over the rows.
+/// How much every row of [`Data::fit`] counts for an axis with this dead time and time constant, s.
+pub(super) fn weights(record: &ExperimentRecord, dead_time: f64, time_constant: f64) -> Weights {
+    Weights::of(record, samples(FITTED_AHEAD, record.period), dead_time, time_constant)
+}
+
+/// Normal equations of the weighted differences, as sums over the rows.
 struct Normal {
     /// Upper triangle of the products of the regressors.
     matrix: [[f64; COUNT]; COUNT],
@@ -80,7 +88,7 @@ struct Normal {
 }
 
 impl Data<'_> {
-    /// Mean square error of the differences (m2), and the unknowns that make it least: the changes of slope and the
+    /// Mean square error of the weighted differences (m2), and the unknowns that make it least: the changes of slope and the
     /// drift.
     pub fn fit(&self, shape: &Shape) -> (f64, DVector<f64>) {
         let Normal { matrix, right, square, rows } = self.normal(shape);
@@ -107,13 +115,15 @@ impl Data<'_> {
             if way.is_nan() {
                 continue;
             }
-            let [from, to] = [k, k + ahead].map(|k| delayed(&integrals, k, shape.dead_time, period));
-            let row: [f64; COUNT] = std::array::from_fn(|j| match j {
+            let [from, to] = [k, k + ahead].map(|k| &integrals[k]);
+            let row = |j| match j {
                 0..DRIFT => to[j] - from[j],
                 _ if !self.drifts => 0.0,
                 DRIFT => ahead as f64 * period,
                 _ => places[k + ahead] - places[k],
-            });
+            };
+            let weight = self.weights.map_or(1.0, |weights| weights.at(k));
+            let (way, row): (f64, [f64; COUNT]) = (weight * way, std::array::from_fn(|j| weight * row(j)));
             for i in 0..COUNT {
                 if row[i] != 0.0 {
                     normal.right[i] += row[i] * way;
@@ -144,7 +154,7 @@ impl Data<'_> {
             if way.is_nan() {
                 continue;
             }
-            let [[from], [to]] = [k, k + ahead].map(|k| delayed(&integrals, k, model.dead_time, period));
+            let [[from], [to]] = [k, k + ahead].map(|k| integrals[k]);
             let drifted = beside.drifted(ahead as f64, period, [places[k], places[k + ahead]]);
             squares[(k - begin) / (BLOCK * ahead)] += (way - drifted - (to - from)).powi(2);
             motion += way * way;
@@ -192,7 +202,7 @@ pub(super) fn pace(data: &Data<'_>, model: &Commissioned, beside: &Beside) -> [f
         if way.is_nan() {
             continue;
         }
-        let [[before], [after]] = [from, end].map(|k| delayed(&integrals, k, model.dead_time, period));
+        let [[before], [after]] = [from, end].map(|k| integrals[k]);
         let drifted = beside.drifted(ahead as f64, period, [places[from], places[end]]);
         let modelled = after - before;
         if let Some([a, b]) = motions[side].last_mut() {
@@ -219,7 +229,7 @@ fn ratio(motions: &[[f64; 2]]) -> (f64, f64) {
 pub fn modelled(record: &ExperimentRecord, model: &Commissioned) -> Vec<f64> {
     let end = record.positions.len();
     let integrals = integrate(record, end, &Dynamics::of_model(model, Start::NONE), |x| [model.spool_speed(x)]);
-    (0..end).map(|k| delayed(&integrals, k, model.dead_time, record.period)[0]).collect()
+    integrals[..end].iter().map(|[way]| *way).collect()
 }
 
 /// What is between a command and its motion, apart from the curve.
@@ -285,7 +295,7 @@ fn samples(seconds: f64, period: f64) -> usize {
     ((seconds / period).round() as usize).max(1)
 }
 
-/// The integral of `f(X(t))` at every part of a period up to sample `end`.
+/// The integral of `f(X(t))` up to every sample before `end` and up to it, one dead time earlier.
 fn integrate<const N: usize>(
     record: &ExperimentRecord,
     end: usize,
@@ -296,38 +306,36 @@ fn integrate<const N: usize>(
     let decay = (-step / dynamics.time_constant).exp();
     let mut motion = dynamics.spring.motion(step);
     let mut pressure = dynamics.start.pressure(step);
-    let mut integrals = Vec::with_capacity(end * PARTS + 1);
     let (mut w, mut x, mut integral) = (0.0f64, 0.0, [0.0; N]);
     let play = 0.5 * dynamics.hysteresis;
     let mut before = f(x);
-    integrals.push(integral);
+    // The dead time ends `part` of a part of a period after one of them begins, which is the same for all samples.
+    let parts = dynamics.dead_time / step;
+    let (late, part) = (parts.ceil() as usize, parts.ceil() - parts);
+    let mut integrals = Vec::with_capacity(end + 1);
+    integrals.resize(late.div_ceil(PARTS).min(end + 1), [0.0; N]);
+    let mut count = late;
     // A command moves the load of one dead time later.
-    let late = (dynamics.dead_time / record.period).round() as usize;
-    let loads = (0..).map(|k| record.loads.get(k + late).or(record.loads.last()).copied().unwrap_or_default());
+    let ahead = (dynamics.dead_time / record.period).round() as usize;
+    let loads = (0..).map(|k| record.loads.get(k + ahead).or(record.loads.last()).copied().unwrap_or_default());
     for (command, load) in record.commands[..end].iter().zip(loads) {
         let faster = dynamics.overrun.factors(load);
         w = w.clamp(command - play, command + play);
         for _ in 0..PARTS {
             x = w + (x - w) * decay;
             let now = motion.advance(pressure.advance(x, f(x).map(|speed| faster[usize::from(x < 0.0)] * speed)));
+            let low = integral;
             for (integral, (before, now)) in integral.iter_mut().zip(before.iter().zip(&now)) {
                 *integral += 0.5 * step * (before + now);
             }
             before = now;
-            integrals.push(integral);
+            if count.is_multiple_of(PARTS) && integrals.len() <= end {
+                integrals.push(std::array::from_fn(|j| low[j] + part * (integral[j] - low[j])));
+            }
+            count += 1;
         }
     }
+    // Without a dead time the last sample is where the integral ends.
+    integrals.resize(end + 1, integral);
     integrals
-}
-
-/// An integral at sample `k`, one dead time (s) earlier.
-fn delayed<const N: usize>(integrals: &[[f64; N]], k: usize, dead_time: f64, period: f64) -> [f64; N] {
-    let at = (k as f64 - dead_time / period) * PARTS as f64;
-    if at <= 0.0 {
-        return [0.0; N];
-    }
-    let whole = at as usize;
-    let part = at - whole as f64;
-    let (low, high) = (&integrals[whole.min(integrals.len() - 1)], &integrals[(whole + 1).min(integrals.len() - 1)]);
-    std::array::from_fn(|j| low[j] + part * (high[j] - low[j]))
 }

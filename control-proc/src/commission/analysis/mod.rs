@@ -5,6 +5,7 @@
 //! | `shape` | what the search changes: dead time, lag, dead bands, hysteresis, spring and start |
 //! | `start` | how late the oil starts |
 //! | `spring` | the load on its spring of oil |
+//! | `weights` | how much the rows of a fit count |
 //! | `fit` | the curve that explains a record best for a given shape, and how well a model predicts |
 //! | [`simplex`] | the search |
 //!
@@ -14,7 +15,7 @@
 //! y(k+m) - y(k) = sum_j w_j (C_j(k+m) - C_j(k)) + e    C_j(t) = integral of v up to t, v_c = max(0, x - d_e - q_j)
 //!                 - the mirrored terms with max(0, -x - d_r - q_j)
 //!                 + integral of a + b (y - y_0) from k to k+m
-//! min over (t_d, tau, d_e, d_r, h, w_0, zeta) of the least squares over w, a and b
+//! min over (t_d, tau, d_e, d_r, h, w_0, zeta) of the least squares of the weighted e over w, a and b
 //! ```
 //!
 //! u command, w command behind the play of the hysteresis h, and x spool position in [-1, 1], v_c speed of the curve
@@ -51,6 +52,7 @@ mod shape;
 pub mod simplex;
 mod spring;
 mod start;
+mod weights;
 
 use pipeline::machine::{Commissioned, DeadBand};
 
@@ -140,14 +142,21 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     }
     let split = split(record);
     let seen = Seen::of(record);
-    let data = |drifts| Data { record, begin: 0, end: split, drifts, straightness: STRAIGHTNESSES[0] };
-    let search = |drifts| Search { fitted: data(drifts), seen };
+    let data = |drifts| Data { record, weights: None, begin: 0, end: split, drifts, straightness: STRAIGHTNESSES[0] };
+    let search = |drifts| Search { fitted: data(drifts), seen, steps: first_steps };
     let (stands, drifts) = (search(false).best()?, search(true).best()?);
     let (is_drifting, best) = if drifts.cost < CLEARLY_BETTER * stands.cost { (true, drifts) } else { (false, stands) };
     let rest = Data { begin: split, end: count, ..data(is_drifting) };
-    let chosen = search(is_drifting).judged(best, &rest)?.overrun(&rest)?.straightened(&rest)?.started(&rest)?;
-    let whole = Search { fitted: Data { end: count, ..chosen.search.fitted }, seen };
-    let (mut model, beside) = whole.beyond_flat_begin(whole.refined(chosen.point, first_steps(&chosen.point)))?;
+    let even = search(is_drifting).judged(best, &rest)?.overrun(&rest)?.straightened(&rest)?.started(&rest)?;
+    // What is between command and motion is found. The curve is that of slow motions as well, once they have begun.
+    let weights = fit::weights(record, even.point.at[0], even.point.at[1].exp());
+    let weighted = Data { weights: Some(&weights), ..data(is_drifting) };
+    let curve = Search { fitted: weighted, seen, steps: curve_steps };
+    let chosen = curve.judged(curve.curved(even.point), &rest)?.straightened(&rest)?;
+    let mut found = even.search.to_end(count).refined(even.point, first_steps(&even.point));
+    CURVE.iter().for_each(|number| found.at[*number] = chosen.point.at[*number]);
+    let whole = chosen.search.to_end(count);
+    let (mut model, beside) = whole.beyond_flat_begin(whole.refined(found, curve_steps(&found)))?;
     let [extend, retract] = pace(&whole.fitted, &model, &beside);
     model.speeds_extend.iter_mut().for_each(|speed| *speed *= extend);
     model.speeds_retract.iter_mut().for_each(|speed| *speed *= retract);
@@ -191,7 +200,7 @@ impl Candidate<'_> {
         let Self { search, point, .. } = self;
         let with = |straightness: &f64| {
             let search = Search { fitted: Data { straightness: *straightness, ..search.fitted }, ..search };
-            search.judged(search.refined(point, first_steps(&point)), rest)
+            search.judged(search.refined(point, (search.steps)(&point)), rest)
         };
         let mut candidates = vec![self];
         for straightness in &STRAIGHTNESSES[1..] {
@@ -252,15 +261,32 @@ fn first_steps(point: &Point) -> Parameters {
     steps
 }
 
+/// Numbers of the parameters that belong to the curve: dead bands, hysteresis and loads.
+const CURVE: [usize; 5] = [2, 3, 4, 10, 11];
+
+/// First steps of a search of the curve alone.
+fn curve_steps(point: &Point) -> Parameters {
+    let (mut steps, all) = ([0.0; 12], first_steps(point));
+    CURVE.iter().for_each(|number| steps[*number] = all[*number]);
+    steps
+}
+
 /// The search for the shape that explains the fitted part of a record best.
 #[derive(Clone, Copy)]
 struct Search<'a> {
     fitted: Data<'a>,
     /// What the record holds at most.
     seen: Seen,
+    /// First steps from a point.
+    steps: fn(&Point) -> Parameters,
 }
 
 impl<'a> Search<'a> {
+    /// The same on everything before sample `end`.
+    fn to_end(self, end: usize) -> Self {
+        Self { fitted: Data { end, ..self.fitted }, ..self }
+    }
+
     /// A point, with what its model explains of the rest of the record.
     fn judged(&self, point: Point, rest: &Data<'_>) -> Result<Candidate<'a>, AnalysisError> {
         let (model, beside) = self.beyond_flat_begin(point)?;
@@ -329,6 +355,17 @@ impl<'a> Search<'a> {
             return Ok(stiff);
         }
         Ok(if sprung.at[4] == 0.0 { self.with_hysteresis(sprung) } else { sprung })
+    }
+
+    /// The best point of a search of the curve alone, with a hysteresis where that explains clearly more.
+    fn curved(&self, start: Point) -> Point {
+        let curved = |start: Point| self.refined(start, curve_steps(&start));
+        let found = curved(start);
+        if found.at[4] > 0.0 {
+            return found;
+        }
+        let with = curved(self.with_some_hysteresis(found));
+        if with.cost < CLEARLY_BETTER * found.cost { with } else { found }
     }
 
     /// A point with a spring, and with a hysteresis where that explains better: what a swing covers shows beside its

@@ -19,7 +19,7 @@ pub struct ExperimentOptions {
 
 impl Default for ExperimentOptions {
     fn default() -> Self {
-        Self { travel: None, speed: None, duration: Duration::from_secs(60), seed: 1 }
+        Self { travel: None, speed: None, duration: Duration::from_secs(120), seed: 1 }
     }
 }
 

@@ -226,7 +226,8 @@ impl TeethFigures {
                     format!(" axis.{axis} was furthest from it at the end, {} mm.", number(1e3 * error))
                 });
                 format!(
-                    "Teeth, {planned}: not begun; all four axes have to track, and to come to its begin first.{}{stopped}\n",
+                    "Teeth, {planned}: not begun; all four axes have to track, and to come to its begin first.{}\
+                     {stopped}\n",
                     awaited.unwrap_or_default()
                 )
             }

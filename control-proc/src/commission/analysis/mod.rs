@@ -36,8 +36,11 @@
 //! bends (`STRAIGHTNESSES`) the largest one counts that explains as much of it as the best, within the standard error
 //! of their difference (L. Breiman et al., Classification and Regression Trees, 1984). Loads that overrun the axis are
 //! kept where they explain more of the fitted part and as much of the rest, and so is the `start` of the oil where it
-//! explains clearly more of the fitted part and more of the rest. Then all is fitted once more on the whole, and the
-//! speeds of each direction are brought to the pace of long motions (`pace`).
+//! explains clearly more of the fitted part and more of the rest. So far all rows count the same. With t_d, tau, spring
+//! and start of that, dead bands, hysteresis, loads and curve are then searched again on rows with `weights`, which
+//! slow motions decide as well; a hysteresis that shows in them alone is added where it explains clearly more. In the
+//! end all is fitted once more on the whole, in the same order, and the speeds of each direction are brought to the
+//! pace of long motions (`pace`).
 //!
 //! Traps: t_d and tau trade off against each other where the load swings and the model does not; only their sum is
 //! certain. In the model that is written half of the hysteresis is in the dead bands and the spring's delay in the time

@@ -88,8 +88,8 @@ struct Normal {
 }
 
 impl Data<'_> {
-    /// Mean square error of the weighted differences (m2), and the unknowns that make it least: the changes of slope and
-    /// the drift.
+    /// Mean square error of the weighted differences (m2), and the unknowns that make it least: the changes of slope
+    /// and the drift.
     pub fn fit(&self, shape: &Shape) -> (f64, DVector<f64>) {
         let Normal { matrix, right, square, rows } = self.normal(shape);
         let scale = self.straightness * matrix[0][0].max(matrix[KNOTS][KNOTS]);

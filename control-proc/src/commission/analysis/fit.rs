@@ -11,8 +11,8 @@ use super::{
 };
 use crate::commission::record::ExperimentRecord;
 
-/// Parts of a period in which the lag and the hinges are integrated.
-const PARTS: usize = 4;
+/// Time in which the lag and the hinges are integrated, s: a part of a period, and the whole of a shorter one.
+const STEP: f64 = 2.5e-3;
 /// Length of the differences that are fitted, s.
 const FITTED_AHEAD: f64 = 0.2;
 /// Time from the begin of a motion on after which its pace counts, s, and length of the ways that are compared, s.
@@ -302,7 +302,8 @@ fn integrate<const N: usize>(
     dynamics: &Dynamics,
     f: impl Fn(f64) -> [f64; N],
 ) -> Vec<[f64; N]> {
-    let step = record.period / PARTS as f64;
+    let steps = ((record.period / STEP).round() as usize).max(1);
+    let step = record.period / steps as f64;
     let decay = (-step / dynamics.time_constant).exp();
     let mut motion = dynamics.spring.motion(step);
     let mut pressure = dynamics.start.pressure(step);
@@ -313,7 +314,7 @@ fn integrate<const N: usize>(
     let parts = dynamics.dead_time / step;
     let (late, part) = (parts.ceil() as usize, parts.ceil() - parts);
     let mut integrals = Vec::with_capacity(end + 1);
-    integrals.resize(late.div_ceil(PARTS).min(end + 1), [0.0; N]);
+    integrals.resize(late.div_ceil(steps).min(end + 1), [0.0; N]);
     let mut count = late;
     // A command moves the load of one dead time later.
     let ahead = (dynamics.dead_time / record.period).round() as usize;
@@ -321,7 +322,7 @@ fn integrate<const N: usize>(
     for (command, load) in record.commands[..end].iter().zip(loads) {
         let faster = dynamics.overrun.factors(load);
         w = w.clamp(command - play, command + play);
-        for _ in 0..PARTS {
+        for _ in 0..steps {
             x = w + (x - w) * decay;
             let now = motion.advance(pressure.advance(x, f(x).map(|speed| faster[usize::from(x < 0.0)] * speed)));
             let low = integral;
@@ -329,7 +330,7 @@ fn integrate<const N: usize>(
                 *integral += 0.5 * step * (before + now);
             }
             before = now;
-            if count.is_multiple_of(PARTS) && integrals.len() <= end {
+            if count.is_multiple_of(steps) && integrals.len() <= end {
                 integrals.push(std::array::from_fn(|j| low[j] + part * (integral[j] - low[j])));
             }
             count += 1;

@@ -1,6 +1,6 @@
 //! Loads damped by the chamber pressures, in closed loop on the simulated excavator with servo valves.
 //!
-//! `servo-model.toml` is what `hydraxis commission examples/excavator-servo.toml` has found.
+//! `servo-model.toml` is what `hydraxis commission examples/excavator-servo.toml` has found in a minute for each axis.
 
 use std::path::Path;
 

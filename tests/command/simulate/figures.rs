@@ -39,7 +39,7 @@ fn a_commissioned_model_controls_before_the_training_has_ended() {
 #[test]
 fn a_negative_reduction_is_explained() {
     let folder = tempfile::tempdir().unwrap();
-    let negative = success(folder.path(), &["simulate", "--duration", "20s", "--scenario", "cold-start"]);
+    let negative = success(folder.path(), &["simulate", "--duration", "20s", "--scenario", "valve-wear"]);
     let is_negative = |word: &str| word.parse::<f64>().is_ok_and(|value| value < 0.0);
     let is_explained = negative.contains("A negative reduction: ");
     assert!(negative.split_whitespace().any(is_negative) && is_explained, "{negative}");

@@ -3,6 +3,7 @@
 use std::{
     io::{Read, Write},
     process::{Command, Output, Stdio},
+    time::Duration,
 };
 
 use crate::harness::{

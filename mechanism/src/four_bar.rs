@@ -22,6 +22,9 @@ use crate::{
     vector::{Rotation, Vector},
 };
 
+/// Difference of two angles that are the same but for rounding.
+const SAME: f64 = 1e-6;
+
 /// The linkage between bucket cylinder and bucket.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FourBar {
@@ -71,12 +74,16 @@ impl FourBar {
         prepared.rocker_pin + prepared.rocker(prepared.triangle.angle(length).rotation)
     }
 
-    /// The cylinder length at which the bucket stands at `rotation`, m. Not finite where the linkage does not close.
+    /// The cylinder length at which the bucket stands at `rotation`, m. Not finite where the linkage does not close, or
+    /// only behind a dead centre.
     pub fn length(&self, rotation: Rotation) -> f64 {
         let pin = rotation * self.link_pin;
         // Seen from the rocker pin.
         let end = intersection(self.rocker * self.rocker, pin - self.rocker_pin, self.link * self.link, Side::Left);
-        (self.cylinder_base - self.rocker_pin - end).norm()
+        let length = (self.cylinder_base - self.rocker_pin - end).norm();
+        // Behind a dead centre the bucket stands elsewhere at this length.
+        let turned = (self.angle(length).rotation * rotation.inverse()).angle();
+        if turned.abs() < SAME { length } else { f64::NAN }
     }
 }
 
@@ -180,6 +187,19 @@ mod tests {
             let pin = linkage.angle(length).rotation * linkage.link_pin;
             assert!((pin.norm() - 0.466).abs() < 1e-15);
             assert!((linkage.length(linkage.angle(length).rotation) - length).abs() < 1e-12, "{length}");
+        }
+    }
+
+    /// Regression: behind a dead centre the length of another angle was given, 48 degrees off for the built-in machine.
+    #[test]
+    fn a_length_is_that_of_its_angle_and_angles_behind_a_dead_centre_have_none() {
+        let linkage = linkage();
+        let rotations = (-180..180).map(|degrees| Rotation::by(f64::from(degrees).to_radians()));
+        let closed: Vec<Rotation> = rotations.filter(|rotation| linkage.length(*rotation).is_finite()).collect();
+        assert!((100..300).contains(&closed.len()), "{}", closed.len());
+        for rotation in closed {
+            let found = linkage.angle(linkage.length(rotation)).rotation;
+            assert!((found * rotation.inverse()).angle().abs() < 1e-6, "{rotation:?} {found:?}");
         }
     }
 

@@ -32,7 +32,7 @@ use super::{
 };
 
 /// Longest time that all commands of one page may take.
-const PATIENCE: Duration = Duration::from_secs(300);
+const PATIENCE: Duration = Duration::from_secs(900);
 /// How often the commands of a page with a run in real time are run until they print what the page shows. A computer
 /// that gives a stage no time for three periods makes such a run end latched, rightly.
 const REAL_TIME_TRIES: usize = 3;

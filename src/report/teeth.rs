@@ -7,6 +7,8 @@
 //! The teeth are where the true positions of the cylinders put them. The error counts from the begin of the motion to
 //! its planned end; before, the axes come to the begin of the way.
 
+use std::fmt;
+
 use control_proc::{
     ReferenceError,
     protection::walls::Walls,
@@ -71,6 +73,12 @@ pub struct Stopped {
     pub wall: &'static str,
     /// When, s.
     pub time: f64,
+}
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "walls.{} stopped axis.{} at {:.2} s", self.wall, self.axis, self.time)
+    }
 }
 
 /// The figures of a run; m, degrees and s.
@@ -209,9 +217,7 @@ impl TeethFigures {
     /// A line for people.
     pub fn line(&self) -> String {
         let planned = format!("{} m in {} s", number(self.length), number(self.duration));
-        let stopped = self.stopped.as_ref().map_or_else(String::new, |Stopped { axis, wall, time }| {
-            format!(" walls.{wall} stopped axis.{axis} at {time:.2} s.")
-        });
+        let stopped = self.stopped.as_ref().map_or_else(String::new, |stopped| format!(" {stopped}."));
         match (self.rms, self.max, self.max_at, self.pitch_rms) {
             (Some(rms), Some(max), Some([x, z]), Some(pitch)) => format!(
                 "Teeth, {planned}: {} mm rms and at most {} mm from their way, at [{x:.2}, {z:.2}] m; pitch {} degrees \

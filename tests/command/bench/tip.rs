@@ -68,6 +68,7 @@ fn every_measure_that_is_switched_off_changes_what_it_says() {
     // What nothing slows takes the planned time, to a period; the lag of the teeth makes it longer.
     let late = |name: &str| figure(name, "time") - figure(name, "duration");
     assert!(late("without-waiting") < 0.015 && late("joint") < 0.015, "{rows:?}");
+    assert!(late("without-feedforward") > 1.0, "{rows:?}");
     assert!(late("without-hysteresis") > 0.05 && late("without-scaling") > 0.05, "{rows:?}");
     for name in &names {
         let stays = of(name)["way"].as_str().unwrap().contains("telescope = 0.6");

@@ -156,10 +156,10 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     let weighted = Data { weights: Some(&weights), ..data(is_drifting) };
     let curve = Search { fitted: weighted, seen, steps: curve_steps };
     let chosen = curve.judged(curve.curved(even.point), &rest)?.straightened(&rest)?;
-    let mut found = even.search.to_end(count).refined(even.point, first_steps(&even.point));
+    let mut found = even.search.to_end(count).searched(even.point);
     CURVE.iter().for_each(|number| found.at[*number] = chosen.point.at[*number]);
     let whole = chosen.search.to_end(count);
-    let (mut model, beside) = whole.beyond_flat_begin(whole.refined(found, curve_steps(&found)))?;
+    let (mut model, beside) = whole.beyond_flat_begin(whole.searched(found))?;
     let [extend, retract] = pace(&whole.fitted, &model, &beside);
     model.speeds_extend.iter_mut().for_each(|speed| *speed *= extend);
     model.speeds_retract.iter_mut().for_each(|speed| *speed *= retract);
@@ -203,7 +203,7 @@ impl Candidate<'_> {
         let Self { search, point, .. } = self;
         let with = |straightness: &f64| {
             let search = Search { fitted: Data { straightness: *straightness, ..search.fitted }, ..search };
-            search.judged(search.refined(point, (search.steps)(&point)), rest)
+            search.judged(search.searched(point), rest)
         };
         let mut candidates = vec![self];
         for straightness in &STRAIGHTNESSES[1..] {
@@ -285,7 +285,7 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// The same on everything before sample `end`.
+    /// This search, on the part of the record that ends before sample `end`.
     fn to_end(self, end: usize) -> Self {
         Self { fitted: Data { end, ..self.fitted }, ..self }
     }
@@ -362,12 +362,11 @@ impl<'a> Search<'a> {
 
     /// The best point of a search of the curve alone, with a hysteresis where that explains clearly more.
     fn curved(&self, start: Point) -> Point {
-        let curved = |start: Point| self.refined(start, curve_steps(&start));
-        let found = curved(start);
+        let found = self.searched(start);
         if found.at[4] > 0.0 {
             return found;
         }
-        let with = curved(self.with_some_hysteresis(found));
+        let with = self.searched(self.with_some_hysteresis(found));
         if with.cost < CLEARLY_BETTER * found.cost { with } else { found }
     }
 
@@ -395,6 +394,11 @@ impl<'a> Search<'a> {
             }
         }
         best
+    }
+
+    /// The best point from `start` with the first steps of this search.
+    fn searched(&self, start: Point) -> Point {
+        self.refined(start, (self.steps)(&start))
     }
 
     /// The best point of a search from `start` with these first steps.

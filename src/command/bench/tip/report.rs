@@ -133,10 +133,7 @@ impl TipReport {
     /// A line for each controller and task that was refused or stopped by a wall, with the reason of the first run.
     fn reasons(&self) -> String {
         let refused = |row: &Row| row.refused.clone();
-        let stopped = |row: &Row| {
-            let Stopped { axis, wall, time } = row.stopped.as_ref()?;
-            Some(format!("walls.{wall} stopped axis.{axis} at {time:.2} s"))
-        };
+        let stopped = |row: &Row| row.stopped.as_ref().map(Stopped::to_string);
         self.told("refused", refused) + &self.told("stopped", stopped)
     }
 

@@ -209,6 +209,21 @@ fn a_stuck_encoder_ends_the_experiment() {
 }
 
 #[test]
+fn steps_too_short_to_open_the_valve_are_no_stuck_encoder() {
+    let mut servo = Servo::new();
+    let options = ExperimentOptions { seed: 5, ..minute() };
+    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &options);
+    // The pump needs 200 ms to raise its pressure, so the short ones of the random steps move nothing.
+    let mut open = 0;
+    while experiment.outcome().is_none() {
+        open = if servo.spool.abs() > 0.1 { open + 1 } else { 0 };
+        servo.gain = if experiment.phase() == Phase::Random && open < 20 { 0.0 } else { 1.0 };
+        servo.step(experiment.update(Some(&servo.sample())));
+    }
+    assert_eq!(experiment.outcome(), Some(Outcome::Finished));
+}
+
+#[test]
 fn lost_feedback_ends_the_experiment_after_three_samples() {
     for faults in [sample_fault::STALE, sample_fault::SPEED, sample_fault::ENCODER] {
         let mut ticks = 0;

@@ -3,15 +3,15 @@
 //! ```text
 //! low - margin <= y <= high + margin       |y(k) - y(k-n)| <= 1.5 v_max n T        n T = 50 ms
 //! not against:  all u of the last M ticks >= 0  =>  y(k) - y(k-4n) > -(5 mm + v_max 20 ms + s)   and mirrored
-//! not stuck:    y unchanged within a few counts  =>  sum of v(u) T < 20 mm         u since then, R ticks old
+//! not stuck:    y unchanged within a few counts  =>  sum of v(u_h) T < 20 mm       u_h since then, R ticks old
 //! ```
 //!
 //! y position m, u command, v_max speed bound m/s, T period s, R ticks from command to motion, M > R, v speeds that the
-//! commands were seen to make ([`super::direction`]); s = min(0.4 r, v_max 80 ms), r the farthest that the axis rose in
-//! the last 1.5 s, m. Traps:
-//! what is under way in valve and pilot lines still comes out after an abort. So the margin is where the valve shuts,
-//! not where the axis stops. A load on oil swings back when its valve shuts: by r and less, which is no motion against
-//! the command.
+//! commands were seen to make ([`super::direction`]), u_h the opening that has been commanded at least for h ticks, the
+//! time from neutral to rest; s = min(0.4 r, v_max 80 ms), r the farthest that the axis rose in the last 1.5 s, m.
+//! Traps: what is under way in valve and pilot lines still comes out after an abort. So the margin is where the valve
+//! shuts, not where the axis stops. A load on oil swings back when its valve shuts: by r and less, which is no motion
+//! against the command. And a step that is shorter than the spool needs may move nothing.
 
 use pipeline::{
     machine::{Timing, samples_of},
@@ -187,14 +187,18 @@ impl Watch {
     }
 
     /// Checks that the position changes when the commands ask for motion. `speed` is the speed (m/s) that a command
-    /// asks for; commands act `reaction` ticks later.
-    pub fn check_change(&mut self, reaction: usize, speed: impl Fn(f64) -> f64) -> Result<(), Abort> {
+    /// asks for; commands that were given for `opening` ticks act `reaction` ticks later.
+    pub fn check_change(&mut self, reaction: usize, opening: usize, speed: impl Fn(f64) -> f64) -> Result<(), Abort> {
         let position = self.position();
+        let end = self.commands.len().saturating_sub(reaction);
+        let given = &self.commands[end.saturating_sub(opening + 1)..end];
+        let least = |sign: f64| given.iter().fold(f64::INFINITY, |least, command| least.min(command * sign)).max(0.0);
+        let lasting = least(1.0) - least(-1.0);
         let still = &mut self.still;
         if (position - still.at).abs() <= self.band {
             still.ticks += 1;
             if still.ticks > reaction {
-                still.owed += speed(self.commands[self.commands.len().saturating_sub(reaction + 1)]) * self.period;
+                still.owed += speed(lasting) * self.period;
             }
         } else {
             *still = Still { at: position, ticks: 0, owed: 0.0 };

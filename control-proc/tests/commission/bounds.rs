@@ -1,6 +1,8 @@
 //! Each bound ends the experiment, and the command stays neutral afterwards. Machines of many kinds stay within the
 //! bounds.
 
+use std::collections::VecDeque;
+
 use super::*;
 use control_proc::commission::{Abort, Phase};
 use pipeline::{
@@ -221,6 +223,23 @@ fn steps_too_short_to_open_the_valve_are_no_stuck_encoder() {
         servo.step(experiment.update(Some(&servo.sample())));
     }
     assert_eq!(experiment.outcome(), Some(Outcome::Finished));
+}
+
+#[test]
+fn a_valve_that_opens_long_after_the_pulses_is_commissioned() {
+    // The level at which a pulse has moved the axis is far above the dead band then, and little more is many times as
+    // fast as a parabola from there.
+    for (dead_time, lag) in [(25, 0.05), (30, 0.04)] {
+        let mut servo = Servo { gain: 1.3, ..Servo::new() };
+        let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &minute());
+        let (mut under_way, mut pilot) = (VecDeque::from(vec![0.0; dead_time]), 0.0);
+        while experiment.outcome().is_none() {
+            under_way.push_back(experiment.update(Some(&servo.sample())));
+            pilot += lag * (under_way.pop_front().unwrap_or_default() - pilot);
+            servo.step(pilot);
+        }
+        assert_eq!(experiment.outcome(), Some(Outcome::Finished), "{dead_time} ticks");
+    }
 }
 
 #[test]

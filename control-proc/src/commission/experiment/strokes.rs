@@ -20,6 +20,8 @@ const FAST_ENOUGH: f64 = 0.75;
 const AIM: f64 = 0.9;
 /// Largest factor of the opening from stroke to stroke.
 const LARGEST_FACTOR: f64 = 3.0;
+/// How often the rise of the level is halved where the window has no room for it.
+const HALVINGS: i32 = 5;
 /// Least rise of the level from stroke to stroke.
 const LEAST_OPENING: f64 = 0.005;
 
@@ -42,12 +44,26 @@ impl Experiment {
             Some(stroke) if self.is_fast_enough(side) => stroke.level,
             Some(stroke) => {
                 let wanted = direction.level(AIM * self.window.aim).max(stroke.level + LEAST_OPENING);
-                wanted.min(direction.moving + (stroke.level - direction.moving) * LARGEST_FACTOR)
+                let wanted = wanted.min(direction.moving + (stroke.level - direction.moving) * LARGEST_FACTOR);
+                self.within_room(side, position, stroke.level, wanted)
             }
         };
         let level = level.min(self.limits.magnitude);
         let swing = self.watch.range(self.ticks(SWING_TIME));
         self.step = Step { swing, ramp: self.ramp(side, level), ..Step::begin(position, signed(side, level), 0) };
+    }
+
+    /// A level for the next stroke, `wanted` or as much less, nearer to the `last` one, as the window has room for with
+    /// the speed that it may make. A stroke that has to end before the axis has moved for long says nothing of its
+    /// level.
+    fn within_room(&self, side: usize, position: f64, last: f64, wanted: f64) -> f64 {
+        let (low, high) = self.window.range;
+        let room = if side == 0 { high - position } else { position - low };
+        let under_way = (self.found.reaction + self.rise()) as f64 * self.record.period;
+        let fits =
+            |level: &f64| self.found.directions[side].speed(*level) * under_way + self.window.aim * STROKE_TIME <= room;
+        let mut levels = (0..HALVINGS).map(|n| last + (wanted - last) * 0.5f64.powi(n));
+        levels.find(fits).unwrap_or(last + LEAST_OPENING)
     }
 
     /// A stroke until the axis has moved for its time, and a wait until the axis stands.

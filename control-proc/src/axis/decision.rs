@@ -45,8 +45,8 @@ pub enum Commander {
     Creep(f64, ControlMode),
     /// The controller by the model, with this command.
     Model(f64),
-    /// The fallback.
-    Fallback,
+    /// The fallback, at a following error that is greater by this, m.
+    Fallback(f64),
 }
 
 impl Commander {
@@ -57,7 +57,8 @@ impl Commander {
             (Stand::Rest, _) => Self::Rest(by),
             (Stand::Creep(command), _) => Self::Creep(command, by),
             (Stand::Follow, Some(command)) => Self::Model(command),
-            (Stand::Follow, None) | (Stand::Regulate, _) => Self::Fallback,
+            (Stand::Follow, None) => Self::Fallback(0.0),
+            (Stand::Regulate(push), _) => Self::Fallback(push),
         }
     }
 }
@@ -76,7 +77,8 @@ mod tests {
     #[test]
     fn the_model_commands_where_it_is_admitted_and_the_fallback_elsewhere() {
         assert_eq!(Commander::choose(Some(0.3), Stand::Follow), Commander::Model(0.3));
-        assert_eq!(Commander::choose(None, Stand::Follow), Commander::Fallback);
+        assert_eq!(Commander::choose(None, Stand::Follow), Commander::Fallback(0.0));
+        assert_eq!(Commander::choose(Some(0.3), Stand::Regulate(2e-3)), Commander::Fallback(2e-3));
     }
 
     #[test]

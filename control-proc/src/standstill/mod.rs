@@ -11,6 +11,7 @@
 //! rests   -> follows    |e| > e_wake under a controller that comes back, which never creeps
 //! creeps  -> rests      the pulse is over
 //! all     -> follows    a reference moves, or |e| has grown by e_far, 2 L + 0.3 s or more after the valve was shut
+//! p(k+1) = p(k) + T/T_p (e - min(max(e, -e_push), e_push))        |p| <= p_max        while a drift is held
 //! e_wake = e_rest + max(min(e_rest, 0.25 mm), c/2), half as much again after every pulse that has overshot,
 //!          up to min(2.5 e_rest, 0.625 mm), until a reference moves
 //! ```
@@ -25,6 +26,11 @@
 //! last quarter of the time by 3/4 at least of the way in the quarter before. What is still on its way through lag and
 //! oil fades more quickly.
 //!
+//! Gains without an integral would hold a drift beside its set point. With them the fallback holds it at the error e + p
+//! until a reference moves: at once where pulses were too slow for it, and where the axis drifts on by e_drift after it
+//! was left, until it is back at its set point. There it rests, and p is there when it drifts again. T_p is 16 L and 5 s
+//! at least, e_push the widest e_wake, and p_max makes an opening of [`MOST_PUSH`].
+//!
 //! A valve whose hysteresis is wider than its dead band does not shut at neutral, as its spool stays beside the middle.
 //! Such an axis neither rests nor creeps: the fallback regulates it, which knows the hysteresis.
 //!
@@ -33,13 +39,15 @@
 //! before the valve was shut still moves it by centimetres; a controller that takes over meanwhile goes on with the
 //! swing. Behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
 //! overshoots and pushes back, without end; hence the rest. Without integral action, or with little, it stands beside
-//! its set point and pushes against the dead band; hence the pulses. One bound in the place of two would chatter with
+//! its set point and pushes against the dead band; hence the pulses. Where its load sinks meanwhile by its oil, behind a
+//! dead band that has grown beyond their reach, it comes to rest where the error alone opens the valve; hence p. It acts
+//! on an axis that moves: one that stands while its command rises is stuck, for all that is known. One bound in the place of two would chatter with
 //! the noise of the encoder. And an axis that slips by more than e_wake at its smallest pulse would be pushed to and
 //! fro; hence the wider e_wake.
 
 pub mod pulse;
 
-use pipeline::machine::{Axis, Commissioned};
+use pipeline::machine::{Axis, Commissioned, Control};
 
 use pulse::{Pulses, Step};
 
@@ -68,6 +76,11 @@ const PROGRESS: f64 = 0.25;
 const SMOOTH_PART: f64 = 0.25;
 /// Ticks that this time constant has at least.
 const SMOOTH_TICKS: f64 = 4.0;
+/// T_p in parts of L, and the least one, s: many times slower than the loop.
+const PUSH_DELAYS: f64 = 16.0;
+const LEAST_PUSH_TIME: f64 = 5.0;
+/// Opening that p makes at most.
+const MOST_PUSH: f64 = 0.1;
 /// Memory of the mean error of an axis that rests, s.
 const MEAN_TIME: f64 = 0.5;
 
@@ -76,8 +89,8 @@ const MEAN_TIME: f64 = 0.5;
 pub enum Stand {
     /// A controller commands.
     Follow,
-    /// The fallback commands, whoever commanded before.
-    Regulate,
+    /// The fallback commands, whoever commanded before, at a following error that is greater by this, m.
+    Regulate(f64),
     /// Neutral.
     Rest,
     /// This command.
@@ -93,6 +106,10 @@ enum Phase {
     Creeps,
     /// The axis is left to its controller until a reference moves.
     Left,
+    /// It drifts, and is held at an error that is greater by p; one that drifts slowly until it is back.
+    Held {
+        is_fast: bool,
+    },
 }
 
 /// e_wake, m.
@@ -116,6 +133,37 @@ impl Wake {
     }
 }
 
+/// p.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Push {
+    /// T/T_p.
+    part: f64,
+    /// p_max, m.
+    most: f64,
+    /// m.
+    now: f64,
+}
+
+impl Push {
+    /// For a fallback with these gains of an axis with this L (s), called every `period` s. An integral of its own does
+    /// without.
+    fn new(control: &Control, delay: f64, period: f64) -> Self {
+        let time = (PUSH_DELAYS * delay).max(LEAST_PUSH_TIME);
+        let most = if control.kp > 0.0 && control.ki == 0.0 { MOST_PUSH / control.kp } else { 0.0 };
+        Self { part: period / time, most, now: 0.0 }
+    }
+
+    /// Whether it has brought an axis with an error of `error` m back to its set point.
+    fn is_over(&self, error: f64) -> bool {
+        self.now != 0.0 && self.now * error <= 0.0
+    }
+
+    /// Takes in an error of one period, m.
+    fn add(&mut self, error: f64) {
+        self.now = (self.now + self.part * error).clamp(-self.most, self.most);
+    }
+}
+
 /// Whether an axis rests or creeps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Standstill {
@@ -131,6 +179,7 @@ pub struct Standstill {
     gains: (f64, f64),
     /// The valve is not shut at neutral.
     stays_open: bool,
+    push: Push,
     pulses: Pulses,
     watched: Watched,
     phase: Phase,
@@ -197,6 +246,7 @@ impl Standstill {
             settled_ticks: (ticks(STILL_TIME + delay), ticks(STILL_TIME + 2.0 * delay)),
             gains: (1.0 - (-period / smoothing).exp(), (period / MEAN_TIME).min(1.0)),
             stays_open: axis.commissioned.as_ref().is_some_and(stays_open),
+            push: Push::new(&axis.control, delay, period),
             // The motion is seen later by the smoothing.
             pulses: Pulses::new(axis, bound, MOTION * bound, delay + smoothing, period),
             watched: Watched::NOTHING,
@@ -225,7 +275,7 @@ impl Standstill {
         self.watch(elapsed, error, references);
         let is_still = self.watched.still >= self.still.1 && error.is_finite();
         if self.stays_open {
-            return if is_still { Stand::Regulate } else { Stand::Follow };
+            return if is_still { Stand::Regulate(0.0) } else { Stand::Follow };
         }
         let distance = error.abs();
         // What is under way in valve and oil when it is shut runs out first.
@@ -235,11 +285,16 @@ impl Standstill {
             self.follow();
         }
         if !is_still {
-            self.wake.now = self.wake.first;
+            (self.wake.now, self.push.now) = (self.wake.first, 0.0);
         }
         let stands = self.watched.stands >= self.settled_ticks.0 && !comes_back;
         match self.phase {
+            Phase::Left if self.push.most > 0.0 && distance > self.begin + DRIFT_RATIO * self.bound => {
+                self.hold(elapsed, error, false)
+            }
             Phase::Left => Stand::Follow,
+            Phase::Held { is_fast: false } if self.push.is_over(error) => self.rest(),
+            Phase::Held { is_fast } => self.hold(elapsed, error, is_fast),
             Phase::Follows if !is_still => Stand::Follow,
             Phase::Follows if distance <= self.bound || passes => self.rest(),
             Phase::Follows if stands && self.watched.smooth.abs() <= self.wake.now => self.rest(),
@@ -261,8 +316,17 @@ impl Standstill {
     /// Leaves the axis to its controller until a reference moves.
     fn leave(&mut self) -> Stand {
         self.follow();
-        self.phase = Phase::Left;
+        (self.phase, self.begin) = (Phase::Left, self.watched.error.abs());
         Stand::Follow
+    }
+
+    /// Holds an axis that drifts, `elapsed` ticks after the last one and at an error of `error` m.
+    fn hold(&mut self, elapsed: u64, error: f64, is_fast: bool) -> Stand {
+        let beyond = error - error.clamp(-self.wake.widest, self.wake.widest);
+        self.push.add(elapsed as f64 * beyond);
+        self.follow();
+        self.phase = Phase::Held { is_fast };
+        Stand::Regulate(self.push.now)
     }
 
     /// A tick at rest, `since` ticks after the valve was shut.
@@ -291,7 +355,7 @@ impl Standstill {
         let drift = (mean - shut).abs() * f64::from(settled) / f64::from((since - settled).max(half).max(1));
         let at_once = if since == settled { self.drift_at_once(mean.signum()) } else { 0.0 };
         if drift.max(at_once) > DRIFT_RATIO * self.bound {
-            return self.leave();
+            return if self.push.most > 0.0 { self.hold(1, error, true) } else { self.leave() };
         }
         self.creep(mean, last)
     }
@@ -352,7 +416,10 @@ impl Standstill {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{models::commissioned, plant::Actuator};
+    use crate::{
+        fallback::Fallback,
+        tests::{models::commissioned, plant::Actuator},
+    };
     use proptest::prelude::*;
 
     const PERIOD: f64 = 0.01;
@@ -523,6 +590,55 @@ mod tests {
         assert!(creeps(&stands_after_arrival(|time| -1e-3 - 2e-3 * (-4.0 * time).exp() * (18.0 * time).cos())));
     }
 
+    /// A load that sinks by 1 mm/s behind a dead band of 0.19, which is 0.1 in the model: pulses end at 0.175, and the
+    /// proportional fallback needs an error of 28 mm.
+    #[test]
+    fn a_load_that_sinks_behind_a_grown_dead_band_is_held_at_its_set_point() {
+        let mut axis = axis();
+        axis.control.ki = 0.0;
+        let mut fallback = Fallback::new(&axis.control, None, PERIOD);
+        let mut standstill = Standstill::new(&axis, PERIOD);
+        let mut plant = Actuator::new(0.5, 0.19);
+        let (mut command, mut errors) = (0.0f64, Vec::new());
+        for k in 0..12_000 {
+            let error = 0.5 - (plant.position * 1e4).round() * 1e-4;
+            command = match standstill.update(1, error, &[0.5; 40], command, false) {
+                Stand::Creep(command) => command,
+                Stand::Follow => fallback.update(error, 0.0, command),
+                Stand::Regulate(push) => fallback.update(error + push, 0.0, command),
+                Stand::Rest => 0.0,
+            };
+            plant.step(command);
+            plant.position -= 1e-3 * PERIOD;
+            errors.push(0.5 - plant.position);
+            assert!(command >= 0.0 && command < 0.32, "tick {k}: {command}");
+        }
+        let largest = |errors: &[f64]| errors.iter().fold(0.0f64, |largest, error| largest.max(error.abs()));
+        assert!(
+            largest(&errors) < 15e-3 && largest(&errors[3000..]) < 3e-3,
+            "{} {}",
+            largest(&errors),
+            largest(&errors[3000..])
+        );
+        // A reference that moves ends it.
+        assert!(standstill.push.now > 0.0);
+        standstill.update(1, 0.0, &[0.6; 40], 0.0, false);
+        assert_eq!(standstill.push.now, 0.0);
+    }
+
+    #[test]
+    fn gains_without_an_integral_get_one_for_a_drift_alone() {
+        let axis = Axis { control: Control { ki: 0.0, ..axis().control }, ..axis() };
+        let mut standstill = Standstill::new(&axis, PERIOD);
+        let error = |k: i32| -8e-3 * f64::from((k - 30).max(0)) * PERIOD;
+        let stands: Vec<Stand> = (0..200).map(|k| standstill.update(1, error(k), &[0.5; 2], 0.0, false)).collect();
+        assert!(matches!(stands[199], Stand::Regulate(push) if push < 0.0), "{:?}", stands[199]);
+        // An axis that stands is not pushed.
+        let mut standstill = Standstill::new(&axis, PERIOD);
+        let mut stands = (0..2000).map(|_| standstill.update(1, 5e-3, &[0.5; 2], 0.0, false));
+        assert!(stands.all(|stand| !matches!(stand, Stand::Regulate(_))));
+    }
+
     #[test]
     fn a_valve_that_is_open_at_neutral_is_regulated_by_the_fallback() {
         let mut axis = axis();
@@ -532,7 +648,7 @@ mod tests {
         }
         let mut standstill = Standstill::new(&axis, PERIOD);
         let stands: Vec<Stand> = (0..100).map(|_| standstill.update(1, 1e-4, &[0.5; 2], 0.0, false)).collect();
-        assert_eq!((stands[29], stands[31], stands[99]), (Stand::Follow, Stand::Regulate, Stand::Regulate));
+        assert_eq!((stands[29], stands[31], stands[99]), (Stand::Follow, Stand::Regulate(0.0), Stand::Regulate(0.0)));
     }
 
     #[test]
@@ -564,7 +680,7 @@ mod tests {
                 // Nobody follows: the axis stands until it is crept.
                 command = match standstill.update(1, error, &[0.5; 40], command, false) {
                     Stand::Creep(command) => command,
-                    Stand::Follow | Stand::Regulate | Stand::Rest => 0.0,
+                    Stand::Follow | Stand::Regulate(_) | Stand::Rest => 0.0,
                 };
                 prop_assert!(command * error >= 0.0 || command.abs() < 0.15, "tick {k}");
                 if command != 0.0 {

@@ -225,7 +225,7 @@ impl TeethFigures {
                 number(1e3 * rms),
                 number(1e3 * max),
                 number(pitch),
-                if self.is_done { "" } else { "; the run ended before the way" }
+                if self.is_done { "" } else { "; the run ended before the end of the way" }
             ),
             _ => {
                 let awaited = self.awaited.as_ref().map(|(axis, error)| {

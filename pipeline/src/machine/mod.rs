@@ -281,7 +281,7 @@ impl Machine {
         let soil = Soil::read(root.section("soil"), mechanism.is_some());
         let tip = TipTask::read(root.section("tip"), mechanism.is_some(), folder);
         TipTask::expect_followers(tip.as_ref(), &root.section("tip"), &axes);
-        let walls = Walls::read(root.section("walls"), mechanism.is_some());
+        let walls = Walls::read(root.section("walls"), mechanism.as_ref());
         let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
         let scenario = Scenario::read(&mut root, &described);
         let values = root.values();

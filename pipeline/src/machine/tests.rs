@@ -420,6 +420,17 @@ fn wrong_values_of_a_mechanism_name_key_found_and_allowed() {
              allowed: [axis.boom.pressure], or that of the arm, beside [axis.NAME.plant]",
         ),
         ("[mechanism.payload]", "[mechanism.load]", "mechanism.load: found an unknown key; allowed: one of arm, boom,"),
+        (
+            "[supply]",
+            "[walls]\ndepth = -5\nheight = 3\nclearance = 0.3\npayload = 0\ncorner = [{ at = [1, 0.6] }]\n[supply]",
+            "walls.height: found 3 m; allowed: above 5 m, the lowest place that depth leaves",
+        ),
+        (
+            "[mechanism.payload]\nmass = 0 ",
+            "[walls]\ndepth = 5\nclearance = 0.3\npayload = 100\ncorner = [{ at = [1, 0.6] }]\n\
+             [mechanism.payload]\nmass = 900 ",
+            "walls.payload: found 100 kg; allowed: mechanism.payload.mass, 900 kg, or more",
+        ),
     ] {
         let error = with_mechanism(from, to).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");

@@ -3,6 +3,8 @@
 //! Places that no part of boom, arm and bucket may pass. The bodies are known by their pins; each of them stands out
 //! beyond its pins by the clearance at most. The bucket is known by its teeth and by corners.
 
+use ::mechanism::Mechanism;
+
 use super::document::Section;
 
 /// Range of places, m.
@@ -28,12 +30,12 @@ pub struct Walls {
 }
 
 impl Walls {
-    /// Reads the table; `None` where it is not given. `has_mechanism` says whether the machine has a `[mechanism]`.
-    pub(super) fn read(mut section: Section, has_mechanism: bool) -> Option<Self> {
+    /// Reads the table; `None` where it is not given. `mechanism` is that of the machine.
+    pub(super) fn read(mut section: Section, mechanism: Option<&Mechanism>) -> Option<Self> {
         if !section.is_given() {
             return None;
         }
-        if !has_mechanism {
+        if mechanism.is_none() {
             section.refuse("", "a table without [mechanism]", "[mechanism] beside it: it says where the bodies are");
         }
         let none = "no wall";
@@ -60,6 +62,17 @@ impl Walls {
         };
         if walls.depth.or(walls.height).or(walls.reach).is_none() {
             section.refuse("", "no wall", "at least one of depth, height and reach");
+        }
+        if let Walls { depth: Some(depth), height: Some(height), .. } = walls
+            && height <= -depth
+        {
+            let allowed = format!("above {} m, the lowest place that depth leaves", -depth);
+            section.refuse("height", format!("{height} m"), allowed);
+        }
+        let carried = mechanism.map_or(0.0, |mechanism| mechanism.masses.payload.mass);
+        if walls.payload < carried {
+            let allowed = format!("mechanism.payload.mass, {carried} kg, or more");
+            section.refuse("payload", format!("{} kg", walls.payload), allowed);
         }
         if !(1..=MOST_CORNERS).contains(&walls.corners.len()) {
             let found = format!("{} corners of the bucket", walls.corners.len());

@@ -23,15 +23,19 @@ use super::{
     events::Event,
     figures::{CoefficientLists, ErrorFigures, Reduction},
     table::number,
-    teeth::TeethFigures,
+    teeth::{Stopped, TeethFigures},
     why::why_fallback,
 };
 
-/// A run that ended with axes that a fault has latched.
+/// Why a run has not ended well.
 #[derive(Debug, Error)]
-#[error("the run ended with latched axes, whose valves are neutral: {axes}")]
-pub struct LatchedAtEnd {
-    axes: String,
+pub enum BadEnd {
+    /// A fault has latched axes.
+    #[error("the run ended with latched axes, whose valves are neutral: {0}")]
+    Latched(String),
+    /// A virtual wall has ended a task of the teeth.
+    #[error("the teeth have not come to the end of their way: {0}")]
+    Walled(Stopped),
 }
 
 /// The figures of one run; SI units, but for times in ns.
@@ -222,15 +226,20 @@ impl LoopReport {
         }
     }
 
-    /// Fails if an axis was latched at the end of the run.
+    /// Fails if an axis was latched at the end of the run, or a virtual wall has ended the task of the teeth.
     ///
     /// # Errors
-    /// The axes, with the reason for each.
-    pub fn verdict(&self) -> Result<(), LatchedAtEnd> {
+    /// The axes, with the reason for each, or the wall.
+    pub fn verdict(&self) -> Result<(), BadEnd> {
         let latches = self.axes.iter().filter_map(|(name, axis)| Some((name, axis.latch.as_ref()?)));
         let at_end = latches.filter(|(_, latch)| latch.at_end).map(|(name, latch)| format!("axis.{name} ({latch})"));
         let axes: Vec<String> = at_end.collect();
-        if axes.is_empty() { Ok(()) } else { Err(LatchedAtEnd { axes: axes.join(", ") }) }
+        let stopped = self.teeth.as_ref().and_then(|teeth| teeth.stopped.clone());
+        match stopped {
+            _ if !axes.is_empty() => Err(BadEnd::Latched(axes.join(", "))),
+            Some(stopped) => Err(BadEnd::Walled(stopped)),
+            None => Ok(()),
+        }
     }
 
     /// Lost messages, summed over all stages.

@@ -60,8 +60,7 @@ impl Experiment {
         let (low, high) = self.window.range;
         let room = if side == 0 { high - position } else { position - low };
         let under_way = (self.found.reaction + self.rise()) as f64 * self.record.period;
-        let fits =
-            |level: &f64| self.found.directions[side].speed(*level) * under_way + self.window.aim * STROKE_TIME <= room;
+        let fits = |level: &f64| self.found.directions[side].speed(*level) * under_way <= room;
         let mut levels = (0..HALVINGS).map(|n| last + (wanted - last) * 0.5f64.powi(n));
         levels.find(fits).unwrap_or(last + LEAST_OPENING)
     }

@@ -611,7 +611,7 @@ mod tests {
             plant.step(command);
             plant.position -= 1e-3 * PERIOD;
             errors.push(0.5 - plant.position);
-            assert!(command >= 0.0 && command < 0.32, "tick {k}: {command}");
+            assert!((0.0..0.32).contains(&command), "tick {k}: {command}");
         }
         let largest = |errors: &[f64]| errors.iter().fold(0.0f64, |largest, error| largest.max(error.abs()));
         assert!(

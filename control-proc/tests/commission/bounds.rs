@@ -197,6 +197,11 @@ fn without_motion_the_abort_asks_for_the_pump() {
 fn a_reversed_sign_ends_the_experiment() {
     let (reason, _) = abort(&minute(), |_, servo, _| servo.gain = -1.0);
     assert!(matches!(reason, Abort::Against { .. }), "{reason}");
+    assert!(reason.to_string().ends_with("are valve and encoder of the same sign?"), "{reason}");
+    // An axis that has followed has the right sign.
+    let (reason, _) = abort(&minute(), |phase, servo, _| servo.gain = if phase == Phase::Random { -1.0 } else { 1.0 });
+    assert!(matches!(reason, Abort::Against { .. }), "{reason}");
+    assert!(reason.to_string().contains("followed both directions before, so its load swings or sinks"), "{reason}");
 }
 
 #[test]

@@ -61,6 +61,8 @@ pub enum Abort {
         moved: f64,
         /// m.
         allowed: f64,
+        /// The axis has followed commands of both directions before.
+        has_followed: bool,
     },
     /// The position does not change although it should.
     Stuck {
@@ -138,12 +140,17 @@ impl fmt::Display for Abort {
                 "speed: found {found:.4} m/s; allowed: up to {allowed:.4} m/s: a greater --speed, where the axis may \
                  move so fast"
             ),
-            Self::Against { command, moved, allowed } => write!(
+            Self::Against { command, moved, allowed, has_followed } => write!(
                 f,
                 "direction: found {:+.1} mm under a command of {command:+.3}; allowed: up to {:.1} mm against the \
-                 command: are valve and encoder of the same sign?",
+                 command: {}",
                 1e3 * moved,
-                1e3 * allowed
+                1e3 * allowed,
+                if has_followed {
+                    "the axis has followed both directions before, so its load swings or sinks: a smaller --speed"
+                } else {
+                    "are valve and encoder of the same sign?"
+                }
             ),
             Self::Stuck { owed } => write!(
                 f,

@@ -294,7 +294,7 @@ impl Experiment {
         let is_known = !directions.iter().any(|direction| direction.last().is_none());
         let at_work =
             if is_known { self.found.settling + self.ticks(AFTER_REACTION) } else { self.ticks(UNKNOWN_REACTION) };
-        self.watch.check_direction(at_work, fastest)?;
+        self.watch.check_direction(at_work, fastest, is_known)?;
         self.watch.check_change(self.found.settling.max(self.found.start), self.found.reaction, |command| {
             let direction = &directions[side_of(command)];
             if command.abs() > direction.moving { direction.speed(command.abs()) } else { 0.0 }

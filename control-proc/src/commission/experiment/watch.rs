@@ -176,14 +176,15 @@ impl Watch {
         if found > allowed { Err(Abort::Speed { found, allowed }) } else { Ok(()) }
     }
 
-    /// Checks that the axis does not move against all commands of the last `ticks`.
-    pub fn check_direction(&self, ticks: usize, fastest: f64) -> Result<(), Abort> {
+    /// Checks that the axis does not move against all commands of the last `ticks`; `has_followed` says whether it has
+    /// followed commands of both directions.
+    pub fn check_direction(&self, ticks: usize, fastest: f64, has_followed: bool) -> Result<(), Abort> {
         let (low, high) = self.span(ticks);
         let moved = self.moved(4 * self.speed_ticks);
         let way = self.way(-moved.signum());
         let allowed = AGAINST_DISTANCE + fastest * AGAINST_TIME + (SWING * way).min(fastest * SWING_TIME);
         let against = (low == 0.0 && moved < -allowed) || (high == 0.0 && moved > allowed);
-        if against { Err(Abort::Against { command: low + high, moved, allowed }) } else { Ok(()) }
+        if against { Err(Abort::Against { command: low + high, moved, allowed, has_followed }) } else { Ok(()) }
     }
 
     /// Checks that the position changes when the commands ask for motion. `speed` is the speed (m/s) that a command

@@ -79,9 +79,7 @@ impl AxisController {
             Commander::Rest(by) => (0.0, by),
             Commander::Creep(command, by) => (limits.apply(command, last.command), by),
             Commander::Model(command) => (command, ControlMode::Model),
-            Commander::Fallback(push) => {
-                (self.fall_back(&last, deviation.error + push, &limits), ControlMode::Fallback)
-            }
+            Commander::Fallback(p) => (self.fall_back(&last, deviation.error + p, &limits), ControlMode::Fallback),
         };
         let command = self.protection.end_stops().apply(wanted, position, self.feedback.speed(), true);
 

@@ -3,6 +3,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`pulse`] | the command of a creeping axis |
+//! | [`push`] | what holds a drift at the set point |
 //!
 //! ```text
 //! follows -> rests      |e| <= e_rest, or e changes its sign, or the axis stands and |e| <= e_wake
@@ -11,7 +12,6 @@
 //! rests   -> follows    |e| > e_wake under a controller that comes back, which never creeps
 //! creeps  -> rests      the pulse is over
 //! all     -> follows    a reference moves, or |e| has grown by e_far, 2 L + 0.3 s or more after the valve was shut
-//! p(k+1) = p(k) + T/T_p (e - min(max(e, -e_push), e_push))        |p| <= p_max        while a drift is held
 //! e_wake = e_rest + max(min(e_rest, 0.25 mm), c/2), half as much again after every pulse that has overshot,
 //!          up to min(2.5 e_rest, 0.625 mm), until a reference moves
 //! ```
@@ -26,10 +26,9 @@
 //! last quarter of the time by 3/4 at least of the way in the quarter before. What is still on its way through lag and
 //! oil fades more quickly.
 //!
-//! Gains without an integral would hold a drift beside its set point. With them the fallback holds it at the error e + p
-//! until a reference moves: at once where pulses were too slow for it, and where the axis drifts on by e_drift after it
-//! was left, until it is back at its set point. There it rests, and p is there when it drifts again. T_p is 16 L and 5 s
-//! at least, e_push the widest e_wake, and p_max makes an opening of [`MOST_PUSH`].
+//! Gains without an integral would hold a drift beside its set point. With them the fallback holds it at the error e +
+//! p ([`push`]) until a reference moves: at once where pulses were too slow for it, and where the axis drifts on by
+//! e_drift after it was left, until it is back at its set point. There it rests, and p is there when it drifts again.
 //!
 //! A valve whose hysteresis is wider than its dead band does not shut at neutral, as its spool stays beside the middle.
 //! Such an axis neither rests nor creeps: the fallback regulates it, which knows the hysteresis.
@@ -39,17 +38,17 @@
 //! before the valve was shut still moves it by centimetres; a controller that takes over meanwhile goes on with the
 //! swing. Behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
 //! overshoots and pushes back, without end; hence the rest. Without integral action, or with little, it stands beside
-//! its set point and pushes against the dead band; hence the pulses. Where its load sinks meanwhile by its oil, behind a
-//! dead band that has grown beyond their reach, it comes to rest where the error alone opens the valve; hence p. It acts
-//! on an axis that moves: one that stands while its command rises is stuck, for all that is known. One bound in the place of two would chatter with
+//! its set point and pushes against the dead band; hence the pulses. One bound in the place of two would chatter with
 //! the noise of the encoder. And an axis that slips by more than e_wake at its smallest pulse would be pushed to and
 //! fro; hence the wider e_wake.
 
 pub mod pulse;
+pub mod push;
 
-use pipeline::machine::{Axis, Commissioned, Control};
+use pipeline::machine::{Axis, Commissioned};
 
 use pulse::{Pulses, Step};
+use push::Push;
 
 /// Largest distance of the first e_wake from e_rest, m, unless a half of a count is more.
 const WAKE: f64 = 0.25e-3;
@@ -76,11 +75,6 @@ const PROGRESS: f64 = 0.25;
 const SMOOTH_PART: f64 = 0.25;
 /// Ticks that this time constant has at least.
 const SMOOTH_TICKS: f64 = 4.0;
-/// T_p in parts of L, and the least one, s: many times slower than the loop.
-const PUSH_DELAYS: f64 = 16.0;
-const LEAST_PUSH_TIME: f64 = 5.0;
-/// Opening that p makes at most.
-const MOST_PUSH: f64 = 0.1;
 /// Memory of the mean error of an axis that rests, s.
 const MEAN_TIME: f64 = 0.5;
 
@@ -133,37 +127,6 @@ impl Wake {
     }
 }
 
-/// p.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Push {
-    /// T/T_p.
-    part: f64,
-    /// p_max, m.
-    most: f64,
-    /// m.
-    now: f64,
-}
-
-impl Push {
-    /// For a fallback with these gains of an axis with this L (s), called every `period` s. An integral of its own does
-    /// without.
-    fn new(control: &Control, delay: f64, period: f64) -> Self {
-        let time = (PUSH_DELAYS * delay).max(LEAST_PUSH_TIME);
-        let most = if control.kp > 0.0 && control.ki == 0.0 { MOST_PUSH / control.kp } else { 0.0 };
-        Self { part: period / time, most, now: 0.0 }
-    }
-
-    /// Whether it has brought an axis with an error of `error` m back to its set point.
-    fn is_over(&self, error: f64) -> bool {
-        self.now != 0.0 && self.now * error <= 0.0
-    }
-
-    /// Takes in an error of one period, m.
-    fn add(&mut self, error: f64) {
-        self.now = (self.now + self.part * error).clamp(-self.most, self.most);
-    }
-}
-
 /// Whether an axis rests or creeps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Standstill {
@@ -183,14 +146,14 @@ pub struct Standstill {
     pulses: Pulses,
     watched: Watched,
     phase: Phase,
-    /// |e| at the begin of the phase, m.
-    begin: f64,
     rest: Rest,
 }
 
-/// Following errors of an axis that rests, m.
+/// Following errors of an axis that is held, m.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Rest {
+    /// |e| at the begin of the phase.
+    begin: f64,
     /// m.
     mean: f64,
     /// The m at 2 L + 0.3 s after the valve was shut.
@@ -237,21 +200,21 @@ impl Standstill {
         let delay = pulse::reaction(axis, period);
         let smoothing = (SMOOTH_PART * delay).max(SMOOTH_TICKS * period);
         let ticks = |time: f64| (time / period).ceil() as u32;
+        let wake = Wake::new(bound, axis.encoder.resolution);
         let stays_open = |model: &Commissioned| model.hysteresis > model.dead_band.extend.min(model.dead_band.retract);
         Self {
             period,
             bound,
-            wake: Wake::new(bound, axis.encoder.resolution),
+            wake,
             still: (SAME * axis.encoder.resolution, ticks(STILL_TIME)),
             settled_ticks: (ticks(STILL_TIME + delay), ticks(STILL_TIME + 2.0 * delay)),
             gains: (1.0 - (-period / smoothing).exp(), (period / MEAN_TIME).min(1.0)),
             stays_open: axis.commissioned.as_ref().is_some_and(stays_open),
-            push: Push::new(&axis.control, delay, period),
+            push: Push::new(&axis.control, wake.widest, delay, period),
             // The motion is seen later by the smoothing.
             pulses: Pulses::new(axis, bound, MOTION * bound, delay + smoothing, period),
             watched: Watched::NOTHING,
             phase: Phase::Follows,
-            begin: 0.0,
             rest: Rest::default(),
         }
     }
@@ -280,16 +243,17 @@ impl Standstill {
         let distance = error.abs();
         // What is under way in valve and oil when it is shut runs out first.
         let runs_out = matches!(self.phase, Phase::Rests(since) if since < self.settled_ticks.1);
-        let is_far = self.is_held() && !runs_out && distance > self.begin + FAR_RATIO * self.bound;
+        let is_far = self.is_held() && !runs_out && distance > self.rest.begin + FAR_RATIO * self.bound;
         if !is_still || is_far {
             self.follow();
         }
         if !is_still {
-            (self.wake.now, self.push.now) = (self.wake.first, 0.0);
+            self.wake.now = self.wake.first;
+            self.push.reset();
         }
         let stands = self.watched.stands >= self.settled_ticks.0 && !comes_back;
         match self.phase {
-            Phase::Left if self.push.most > 0.0 && distance > self.begin + DRIFT_RATIO * self.bound => {
+            Phase::Left if self.push.is_needed() && distance > self.rest.begin + DRIFT_RATIO * self.bound => {
                 self.hold(elapsed, error, false)
             }
             Phase::Left => Stand::Follow,
@@ -316,17 +280,15 @@ impl Standstill {
     /// Leaves the axis to its controller until a reference moves.
     fn leave(&mut self) -> Stand {
         self.follow();
-        (self.phase, self.begin) = (Phase::Left, self.watched.error.abs());
+        (self.phase, self.rest.begin) = (Phase::Left, self.watched.error.abs());
         Stand::Follow
     }
 
     /// Holds an axis that drifts, `elapsed` ticks after the last one and at an error of `error` m.
     fn hold(&mut self, elapsed: u64, error: f64, is_fast: bool) -> Stand {
-        let beyond = error - error.clamp(-self.wake.widest, self.wake.widest);
-        self.push.add(elapsed as f64 * beyond);
         self.follow();
         self.phase = Phase::Held { is_fast };
-        Stand::Regulate(self.push.now)
+        Stand::Regulate(self.push.update(elapsed, error))
     }
 
     /// A tick at rest, `since` ticks after the valve was shut.
@@ -334,7 +296,7 @@ impl Standstill {
         let settled = self.settled_ticks.1;
         let half = settled / 2;
         if since <= half {
-            self.rest = Rest { mean: error, settled: error, seen: [self.watched.smooth; 2] };
+            self.rest = Rest { mean: error, settled: error, seen: [self.watched.smooth; 2], ..self.rest };
         }
         if since <= settled - half / 2 {
             self.rest.seen[1] = self.watched.smooth;
@@ -355,7 +317,7 @@ impl Standstill {
         let drift = (mean - shut).abs() * f64::from(settled) / f64::from((since - settled).max(half).max(1));
         let at_once = if since == settled { self.drift_at_once(mean.signum()) } else { 0.0 };
         if drift.max(at_once) > DRIFT_RATIO * self.bound {
-            return if self.push.most > 0.0 { self.hold(1, error, true) } else { self.leave() };
+            return if self.push.is_needed() { self.hold(1, error, true) } else { self.leave() };
         }
         self.creep(mean, last)
     }
@@ -369,12 +331,12 @@ impl Standstill {
     }
 
     fn rest(&mut self) -> Stand {
-        (self.phase, self.begin) = (Phase::Rests(0), self.watched.error.abs());
+        (self.phase, self.rest.begin) = (Phase::Rests(0), self.watched.error.abs());
         Stand::Rest
     }
 
     fn creep(&mut self, error: f64, last: f64) -> Stand {
-        (self.phase, self.begin) = (Phase::Creeps, error.abs());
+        (self.phase, self.rest.begin) = (Phase::Creeps, error.abs());
         self.pulses.begin(error, last);
         self.step()
     }
@@ -420,6 +382,7 @@ mod tests {
         fallback::Fallback,
         tests::{models::commissioned, plant::Actuator},
     };
+    use pipeline::machine::Control;
     use proptest::prelude::*;
 
     const PERIOD: f64 = 0.01;
@@ -621,9 +584,9 @@ mod tests {
             largest(&errors[3000..])
         );
         // A reference that moves ends it.
-        assert!(standstill.push.now > 0.0);
+        assert!(standstill.push.now() > 0.0);
         standstill.update(1, 0.0, &[0.6; 40], 0.0, false);
-        assert_eq!(standstill.push.now, 0.0);
+        assert_eq!(standstill.push.now(), 0.0);
     }
 
     #[test]

@@ -8,6 +8,9 @@ use pipeline::message::{bit_names, sample_fault};
 pub const OWED_DISTANCE: f64 = 0.02;
 /// Travel to ask for in parts of the least one.
 const WIDER: f64 = 1.5;
+/// What to do about a motion against the command, of an axis that has followed and of one that has not.
+const SWINGS: &str = "the axis has followed both directions before, so its load swings or sinks: a smaller --speed";
+const OTHER_SIGN: &str = "are valve and encoder of the same sign?";
 /// Implausible samples in a row that end the experiment; without a reading it waits at neutral from the same number on.
 pub const UNUSABLE_LIMIT: usize = crate::axis::UNUSABLE_LIMIT as usize;
 
@@ -146,11 +149,7 @@ impl fmt::Display for Abort {
                  command: {}",
                 1e3 * moved,
                 1e3 * allowed,
-                if has_followed {
-                    "the axis has followed both directions before, so its load swings or sinks: a smaller --speed"
-                } else {
-                    "are valve and encoder of the same sign?"
-                }
+                if has_followed { SWINGS } else { OTHER_SIGN }
             ),
             Self::Stuck { owed } => write!(
                 f,

@@ -101,6 +101,8 @@ const LEAST_RANDOM: f64 = 8.0;
 struct Found {
     /// Extending and retracting.
     directions: [Direction; 2],
+    /// Level of a stroke that the window had no room for, since the last one that it had.
+    cut: [Option<f64>; 2],
     /// Whether pulses have searched the direction a second time.
     is_searched_again: [bool; 2],
     /// Longest time from neutral to rest, or to where a load that swings turns back, ticks.
@@ -151,6 +153,7 @@ impl Experiment {
             watch: Watch::new(timing, memory, EQUAL_COUNTS * resolution),
             found: Found {
                 directions: [Direction::new(), Direction::new()],
+                cut: [None; 2],
                 is_searched_again: [false; 2],
                 reaction: FIRST_REACTION,
                 settling: FIRST_REACTION,

@@ -37,6 +37,8 @@ pub(super) struct Step {
     pub moved_at: Option<usize>,
     /// Tick at which the command went neutral.
     pub neutral_at: Option<usize>,
+    /// The window has ended it before it could say anything.
+    pub is_cut: bool,
     /// Last tick at which the axis still moved.
     pub last_motion: usize,
     /// Fastest speed in the direction of the command, m/s.
@@ -60,6 +62,7 @@ impl Step {
             swing: 0.0,
             moved_at: None,
             neutral_at: None,
+            is_cut: false,
             last_motion: 0,
             peak: 0.0,
             wanted,

@@ -8,6 +8,8 @@ use super::{
 const FIRST_OPENING: f64 = 0.015;
 /// How long a stroke goes on once the axis moves, s.
 pub(super) const STROKE_TIME: f64 = 0.4;
+/// How long it has to move to say anything of its level, s. One that the window ends earlier is cut.
+const SHORTEST: f64 = 0.2;
 /// How long a stroke waits for motion beyond the reaction that is known, s.
 const STROKE_PATIENCE: f64 = 1.0;
 /// Wait after a stroke beyond the reaction that is known, s.
@@ -20,16 +22,21 @@ const FAST_ENOUGH: f64 = 0.75;
 const AIM: f64 = 0.9;
 /// Largest factor of the opening from stroke to stroke.
 const LARGEST_FACTOR: f64 = 3.0;
-/// How often the rise of the level is halved where the window has no room for it.
-const HALVINGS: i32 = 5;
 /// Least rise of the level from stroke to stroke.
 const LEAST_OPENING: f64 = 0.005;
 
 impl Experiment {
+    /// Level of the last stroke of this direction, or that which moved the axis.
+    fn seen(&self, side: usize) -> f64 {
+        let direction = &self.found.directions[side];
+        direction.last().map_or(direction.moving, |stroke| stroke.level)
+    }
+
     /// Whether the strokes of this direction have shown enough.
     fn is_fast_enough(&self, side: usize) -> bool {
         let direction = &self.found.directions[side];
         direction.is_full()
+            || self.found.cut[side].is_some_and(|cut| cut - self.seen(side) < LEAST_OPENING)
             || direction.last().is_some_and(|stroke| {
                 stroke.speed >= FAST_ENOUGH * self.window.aim || stroke.level >= self.limits.magnitude
             })
@@ -44,25 +51,14 @@ impl Experiment {
             Some(stroke) if self.is_fast_enough(side) => stroke.level,
             Some(stroke) => {
                 let wanted = direction.level(AIM * self.window.aim).max(stroke.level + LEAST_OPENING);
-                let wanted = wanted.min(direction.moving + (stroke.level - direction.moving) * LARGEST_FACTOR);
-                self.within_room(side, position, stroke.level, wanted)
+                wanted.min(direction.moving + (stroke.level - direction.moving) * LARGEST_FACTOR)
             }
         };
+        // Between what was seen and what the window had no room for.
+        let level = self.found.cut[side].map_or(level, |cut| 0.5 * (self.seen(side) + cut));
         let level = level.min(self.limits.magnitude);
         let swing = self.watch.range(self.ticks(SWING_TIME));
         self.step = Step { swing, ramp: self.ramp(side, level), ..Step::begin(position, signed(side, level), 0) };
-    }
-
-    /// A level for the next stroke, `wanted` or as much less, nearer to the `last` one, as the window has room for with
-    /// the speed that it may make. A stroke that has to end before the axis has moved for long says nothing of its
-    /// level.
-    fn within_room(&self, side: usize, position: f64, last: f64, wanted: f64) -> f64 {
-        let (low, high) = self.window.range;
-        let room = if side == 0 { high - position } else { position - low };
-        let under_way = (self.found.reaction + self.rise()) as f64 * self.record.period;
-        let fits = |level: &f64| self.found.directions[side].speed(*level) * under_way <= room;
-        let mut levels = (0..HALVINGS).map(|n| last + (wanted - last) * 0.5f64.powi(n));
-        levels.find(fits).unwrap_or(last + LEAST_OPENING)
     }
 
     /// A stroke until the axis has moved for its time, and a wait until the axis stands.
@@ -70,12 +66,13 @@ impl Experiment {
         let Step { ticks, wanted, neutral_at, moved_at, .. } = self.step;
         if neutral_at.is_none() {
             let is_over = moved_at.is_some_and(|moved| ticks >= moved + self.ticks(STROKE_TIME) + self.rise())
-                || ticks >= self.found.reaction + self.ticks(STROKE_PATIENCE)
-                || self.would_leave(position, wanted);
-            if !is_over {
+                || ticks >= self.found.reaction + self.ticks(STROKE_PATIENCE);
+            let would_leave = !is_over && self.would_leave(position, wanted);
+            if !is_over && !would_leave {
                 return Ok(wanted);
             }
             self.step.neutral_at = Some(ticks);
+            self.step.is_cut = would_leave && moved_at.is_none_or(|moved| ticks < moved + self.ticks(SHORTEST));
         }
         let (side, level) = (side_of(wanted), wanted.abs());
         let wait = self.found.reaction + self.ticks(STROKE_WAIT);
@@ -84,13 +81,19 @@ impl Experiment {
         if !only_swings && !self.stands(wait) {
             return Ok(0.0);
         }
-        if moved_at.is_none() && !self.has_moved(side) {
+        let (has_moved, is_cut) = (moved_at.is_some() || self.has_moved(side), self.step.is_cut);
+        if !has_moved && !is_cut {
             return self.search_again(side, level, position);
         }
-        self.learn_reaction(side);
-        self.learn_swing(side);
+        if has_moved {
+            self.learn_reaction(side);
+            self.learn_swing(side);
+        }
         self.choose_aim()?;
-        self.found.directions[side].push(level, self.step.peak);
+        self.found.cut[side] = is_cut.then_some(level);
+        if !is_cut {
+            self.found.directions[side].push(level, self.step.peak);
+        }
         if self.is_fast_enough(0) && self.is_fast_enough(1) {
             if self.tick + self.ticks(LEAST_RANDOM) > self.total {
                 return Err(self.too_short());

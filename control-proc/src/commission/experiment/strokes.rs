@@ -84,7 +84,7 @@ impl Experiment {
         let has_moved = moved_at.is_some() || self.has_moved(side);
         // What was under way may have shown more than the strokes before.
         let shown = self.found.directions[side].last().map_or(0.0, |stroke| stroke.speed);
-        let is_cut = self.step.is_cut && self.step.peak <= shown;
+        let is_cut = self.step.is_cut && (!has_moved || self.step.peak <= shown);
         if !has_moved && !is_cut {
             return self.search_again(side, level, position);
         }

@@ -26,19 +26,15 @@ const LARGEST_FACTOR: f64 = 3.0;
 const LEAST_OPENING: f64 = 0.005;
 
 impl Experiment {
-    /// Level of the last stroke of this direction, or that which moved the axis.
-    fn seen(&self, side: usize) -> f64 {
-        let direction = &self.found.directions[side];
-        direction.last().map_or(direction.moving, |stroke| stroke.level)
-    }
-
     /// Whether the strokes of this direction have shown enough.
     fn is_fast_enough(&self, side: usize) -> bool {
         let direction = &self.found.directions[side];
         direction.is_full()
-            || self.found.cut[side].is_some_and(|cut| cut - self.seen(side) < LEAST_OPENING)
             || direction.last().is_some_and(|stroke| {
-                stroke.speed >= FAST_ENOUGH * self.window.aim || stroke.level >= self.limits.magnitude
+                let room = self.found.cut[side].map_or(f64::INFINITY, |cut| cut - stroke.level);
+                stroke.speed >= FAST_ENOUGH * self.window.aim
+                    || stroke.level >= self.limits.magnitude
+                    || room < LEAST_OPENING
             })
     }
 
@@ -46,16 +42,16 @@ impl Experiment {
     pub(super) fn begin_stroke(&mut self, position: f64) {
         let side = usize::from(self.window.is_above_middle(position));
         let direction = &self.found.directions[side];
-        let level = match direction.last() {
-            None => direction.moving + FIRST_OPENING,
-            Some(stroke) if self.is_fast_enough(side) => stroke.level,
-            Some(stroke) => {
+        let level = match (direction.last(), self.found.cut[side]) {
+            (None, _) => direction.moving + FIRST_OPENING,
+            // Between what was seen and what the window had no room for.
+            (Some(stroke), Some(cut)) => 0.5 * (stroke.level + cut),
+            (Some(stroke), None) if self.is_fast_enough(side) => stroke.level,
+            (Some(stroke), None) => {
                 let wanted = direction.level(AIM * self.window.aim).max(stroke.level + LEAST_OPENING);
                 wanted.min(direction.moving + (stroke.level - direction.moving) * LARGEST_FACTOR)
             }
         };
-        // Between what was seen and what the window had no room for.
-        let level = self.found.cut[side].map_or(level, |cut| 0.5 * (self.seen(side) + cut));
         let level = level.min(self.limits.magnitude);
         let swing = self.watch.range(self.ticks(SWING_TIME));
         self.step = Step { swing, ramp: self.ramp(side, level), ..Step::begin(position, signed(side, level), 0) };

@@ -39,16 +39,22 @@ const MOVES: f64 = 5e-3;
 
 /// zeta_p of an axis that is damped.
 pub const RATIO: f64 = 0.3;
-/// Largest w t of an axis that is damped, t time from the pressures to the motion in s. Trap: a machine has swings of
+/// w t up to which an axis is damped by it, t time from the pressures to the motion in s. Trap: a machine has swings of
 /// several axes at once, two and three times as fast as that of one; pressures that act late excite them.
-const LATEST: f64 = 1.2;
+const LATE: f64 = 1.2;
+/// zeta_p of an axis that is later, up to the latest that is damped at all.
+const LATE_RATIO: f64 = 0.15;
+const LATEST: f64 = 3.0;
 
 /// zeta_p for an axis with this model, which measures the force of its cylinder, with a command every `period` s: 0
 /// where the load does not swing, its mass is not known, or the valve is too slow.
 pub fn ratio(model: &Commissioned, period: f64) -> f64 {
     // Only the sum of dead time, lag and delay of the swing is certain.
     let late = TAU * model.natural_frequency * (model.reaction() + period);
-    if late > 0.0 && late <= LATEST && model.mass.is_finite() { RATIO } else { 0.0 }
+    if !(late > 0.0 && late <= LATEST && model.mass.is_finite()) {
+        return 0.0;
+    }
+    if late <= LATE { RATIO } else { LATE_RATIO }
 }
 
 /// What the pressures change in one tick.
@@ -195,7 +201,8 @@ mod tests {
             Commissioned { time_constant: time_constant + swinging.swing_delay(), ..swinging }
         };
         assert_eq!(ratio(&model(0.015, 2.5, 1e5), PERIOD), RATIO);
-        for undamped in [model(0.06, 2.5, 1e5), model(0.015, 0.0, 1e5), model(0.015, 2.5, f64::INFINITY)] {
+        assert_eq!(ratio(&model(0.06, 2.5, 1e5), PERIOD), LATE_RATIO);
+        for undamped in [model(0.2, 2.5, 1e5), model(0.015, 0.0, 1e5), model(0.015, 2.5, f64::INFINITY)] {
             assert_eq!(ratio(&undamped, PERIOD), 0.0);
         }
     }

@@ -37,13 +37,13 @@ const BACK: f64 = 1.0;
 const STUCK: f64 = 0.5;
 const MOVES: f64 = 5e-3;
 
-/// zeta_p of an axis that is damped.
+/// zeta_p of an axis that is damped, and of one whose pressures act late.
 pub const RATIO: f64 = 0.3;
-/// w t up to which an axis is damped by it, t time from the pressures to the motion in s. Trap: a machine has swings of
-/// several axes at once, two and three times as fast as that of one; pressures that act late excite them.
-const LATE: f64 = 1.2;
-/// zeta_p of an axis that is later, up to the latest that is damped at all.
 const LATE_RATIO: f64 = 0.15;
+/// w t beyond which pressures act late, and beyond which an axis is not damped, t time from the pressures to the motion
+/// in s. Trap: a machine has swings of several axes at once, two and three times as fast as that of one; pressures that
+/// act late excite them.
+const LATE: f64 = 1.2;
 const LATEST: f64 = 3.0;
 
 /// zeta_p for an axis with this model, which measures the force of its cylinder, with a command every `period` s: 0

@@ -8,6 +8,8 @@
 //! N/m and B its bulk modulus in Pa, V volumes in m3 and V_0 those without the stroke, hoses included, y position and S
 //! stroke in m. Source: Merritt, Hydraulic Control Systems (1967).
 
+use std::f64::consts::TAU;
+
 use pipeline::machine::Axis;
 
 /// A cylinder.
@@ -47,10 +49,38 @@ impl Cylinder {
     /// extending axis that of the rod side and of a retracting one that of the piston side, at `position` m: root of
     /// k_2 and of k_1 over their sum.
     pub fn left(&self, position: f64) -> [f64; 2] {
+        let [piston, rod] = self.stiffness(position);
+        [rod, piston].map(|stiffness| (stiffness / (piston + rod)).sqrt())
+    }
+
+    /// Frequency of the swing of `mass` kg on the oil of both chambers in the middle of the stroke, Hz; `bulk_modulus` in
+    /// Pa.
+    pub fn frequency(&self, mass: f64, bulk_modulus: f64) -> f64 {
+        (bulk_modulus * self.middle() / mass).sqrt() / TAU
+    }
+
+    /// That frequency at `position` m, by the one of the middle.
+    pub fn relative_frequency(&self, position: f64) -> f64 {
+        let [piston, rod] = self.stiffness(position);
+        ((piston + rod) / self.middle()).sqrt()
+    }
+
+    /// Area of the chamber that is drained, of an extending axis that of the rod side and of a retracting one that of
+    /// the piston side, m2.
+    pub fn drained(&self) -> [f64; 2] {
+        [self.areas[1], self.areas[0]]
+    }
+
+    /// k_1 / B and k_2 / B at `position` m, m.
+    fn stiffness(&self, position: f64) -> [f64; 2] {
         let position = position.clamp(0.0, self.stroke);
         let ways = [position, self.stroke - position];
-        let [piston, rod] = [0, 1].map(|i| self.areas[i] * self.areas[i] / (self.dead[i] + self.areas[i] * ways[i]));
-        [rod, piston].map(|stiffness| (stiffness / (piston + rod)).sqrt())
+        [0, 1].map(|i| self.areas[i] * self.areas[i] / (self.dead[i] + self.areas[i] * ways[i]))
+    }
+
+    /// (k_1 + k_2) / B in the middle of the stroke, m.
+    fn middle(&self) -> f64 {
+        self.stiffness(0.5 * self.stroke).iter().sum()
     }
 }
 
@@ -69,5 +99,10 @@ mod tests {
         assert!((extend * extend - rod / (piston + rod)).abs() < 1e-12);
         assert!((extend * extend + retract * retract - 1.0).abs() < 1e-12);
         assert_eq!(cylinder.left(2.0), cylinder.left(1.0));
+        let expected = (1e9 * (piston + rod) / 5000.0f64).sqrt() / TAU;
+        assert!((cylinder.frequency(5000.0, 1e9) / expected - 1.0).abs() < 1e-12);
+        assert_eq!(cylinder.relative_frequency(0.5), 1.0);
+        assert!(cylinder.relative_frequency(0.05) > 1.5 && cylinder.relative_frequency(0.95) > 1.2);
+        assert_eq!(cylinder.drained(), [0.01, 0.02]);
     }
 }

@@ -12,19 +12,29 @@
 //! times the frequency of the commissioning. The same command moves the axis g times as fast. A greater mass swings
 //! slower on its spring of oil, and the gains are p times as large as those of the machine file, so that the margin
 //! stays. A load that overruns its axis empties the chamber that is filled, and hangs on the oil of the other one alone
-//! (`Cylinder::left`). An axis of which no swing was found keeps its gains. With pressure feedback a newton counts n
-//! times as much, so that the damping ratio stays.
+//! (`Cylinder::left`). With pressure feedback a newton counts n times as much, so that the damping ratio stays.
+//!
+//! An axis of which no swing was found may swing under a greater mass, or on one chamber. Its swing is taken to be that
+//! of its oil (`Cylinder::frequency`), with a damping ratio of 0.1, and its gains leave a gain margin of 1.7, or as much
+//! as at the commissioning where that was less:
+//!
+//! ```text
+//! p_i = min(1, G_i(r_i) / min(1.7, G_i(1)))          s_i also where P_i / A_i > 2 MPa, A_i area of the drained chamber
+//! ```
+//!
+//! Behind a valve that reacts slowly for such a swing, and without areas, volumes or oil, the gains stay.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
 mod forces;
 
 use mechanism::{AXES, CylinderDynamics, PreparedMechanism, Vector};
-use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Overrun};
+use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Oil, Overrun};
 
 use crate::{
+    commission::experiment::FAST_VALVE,
     cylinder::Cylinder,
-    margins::{Loop, mean_slope},
+    margins::{LEAST_GAIN_MARGIN, Loop, mean_slope},
     payload::carrying,
 };
 use forces::Forces;
@@ -37,6 +47,10 @@ const STEP: f64 = 0.05;
 const STEPS: usize = 17;
 /// g from which on the oil of one chamber alone carries the load.
 const EMPTIED: f64 = 1.2;
+/// Damping ratio of a swing that commissioning did not find.
+const EXPECTED_DAMPING: f64 = 0.1;
+/// Pressure of the drained chamber, Pa, from which on it alone is taken to carry a load whose swing was not found.
+const HANGING: f64 = 2e6;
 
 /// What the load does to one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,36 +90,63 @@ struct Commissioning {
     parts: [f64; STEPS + 1],
     /// None where areas and volumes are not known.
     cylinder: Option<Cylinder>,
+    /// Whether no swing was found, and that of the cylinder's oil is expected.
+    is_expected: bool,
 }
 
 impl Commissioning {
     /// An axis of which nothing is known.
-    const NONE: Self = Self { overrun: Overrun::NONE, mass: f64::INFINITY, parts: [1.0; STEPS + 1], cylinder: None };
+    const NONE: Self = Self {
+        overrun: Overrun::NONE,
+        mass: f64::INFINITY,
+        parts: [1.0; STEPS + 1],
+        cylinder: None,
+        is_expected: false,
+    };
 
-    fn of(axis: &Axis, period: f64) -> Self {
+    fn of(axis: &Axis, oil: Option<&Oil>, period: f64) -> Self {
         let Some(model) = axis.commissioned.as_ref().filter(|_| !axis.control.without.load) else { return Self::NONE };
-        let parts = parts(&axis.control, model, period);
-        // A load that does not swing does not swing more slowly.
-        let mass = if model.natural_frequency > 0.0 { model.mass } else { f64::INFINITY };
-        Self { overrun: model.overrun, mass, parts, cylinder: Cylinder::of(axis) }
+        let (overrun, cylinder) = (model.overrun, Cylinder::of(axis));
+        let known = Self { overrun, cylinder, ..Self::NONE };
+        if model.natural_frequency > 0.0 {
+            return Self { mass: model.mass, parts: parts(&axis.control, model, period, f64::INFINITY), ..known };
+        }
+        let Some((cylinder, oil)) = cylinder.zip(oil).filter(|_| model.mass.is_finite()) else { return known };
+        let natural_frequency = cylinder.frequency(model.mass, oil.bulk_modulus);
+        let swinging = Commissioned { natural_frequency, damping: EXPECTED_DAMPING, ..model.clone() };
+        let parts = parts(&axis.control, &swinging, period, LEAST_GAIN_MARGIN);
+        // A slow valve closes its loop far below the swing.
+        let is_slow = |step: usize| model.reaction() * natural_frequency * relative(step) > FAST_VALVE;
+        let parts = std::array::from_fn(|step| if is_slow(step) { 1.0 } else { parts[step] });
+        Self { mass: model.mass, parts, is_expected: true, ..known }
     }
 
     /// What a load of this force (N) and mass (kg) does with the cylinder at `position` m.
     fn load(&self, force: f64, mass: f64, position: f64) -> Load {
         let faster = self.overrun.factors(force);
         let lighter = (self.mass / mass).sqrt().min(1.0);
-        let left = self.cylinder.map_or([1.0; 2], |cylinder| cylinder.left(position));
-        let softer = [0, 1].map(|side| {
-            let emptied = ((faster[side] - 1.0) / (EMPTIED - 1.0)).clamp(0.0, 1.0);
-            1.0 + emptied * (left[side] - 1.0)
-        });
-        let softer = [1.0, softer[0], softer[1]];
+        let softer = self.softer(force, faster, position);
+        let expected = self.cylinder.filter(|_| self.is_expected);
+        let stiffer = expected.map_or(1.0, |cylinder| cylinder.relative_frequency(position));
         Load {
             faster,
-            gain: softer.map(|softer| self.part(lighter * softer)),
+            gain: softer.map(|softer| self.part((lighter * softer * stiffer).min(1.0))),
             damping: softer.map(|softer| lighter / softer),
             forces: 0.0,
         }
+    }
+
+    /// s at rest, of extending and of retracting.
+    fn softer(&self, force: f64, faster: [f64; 2], position: f64) -> [f64; 3] {
+        let Some(cylinder) = self.cylinder else { return [1.0; 3] };
+        let (left, drained) = (cylinder.left(position), cylinder.drained());
+        let [extending, retracting] = [0, 1].map(|side| {
+            let emptied = (faster[side] - 1.0) / (EMPTIED - 1.0);
+            let pull = if side == 0 { -force } else { force };
+            let hanging = if self.is_expected { pull / (HANGING * drained[side]) } else { 0.0 };
+            1.0 + emptied.max(hanging).clamp(0.0, 1.0) * (left[side] - 1.0)
+        });
+        [1.0, extending, retracting]
     }
 
     /// p of this r.
@@ -117,20 +158,23 @@ impl Commissioning {
     }
 }
 
-/// p of the fallback of `control` around `model` at every step of r.
-fn parts(control: &Control, model: &Commissioned, period: f64) -> [f64; STEPS + 1] {
+/// p of the fallback of `control` around `model` at every step of r, so that its gain margin stays, or is `enough`.
+fn parts(control: &Control, model: &Commissioned, period: f64, enough: f64) -> [f64; STEPS + 1] {
     let fallback = Control { law: Law::Predictive, ..*control };
     let gain_margin = |step: usize| {
-        let slower = slower(model, 1.0 - STEP * step as f64);
+        let slower = slower(model, relative(step));
         Loop::new(&fallback, &slower, mean_slope(model), period).margins().gain
     };
-    let (usual, mut least) = (gain_margin(0), 1.0f64);
+    let (usual, mut least) = (gain_margin(0).min(enough), 1.0f64);
     std::array::from_fn(|step| {
-        if model.natural_frequency > 0.0 {
-            least = least.min(gain_margin(step) / usual);
-        }
+        least = least.min(gain_margin(step) / usual);
         least
     })
+}
+
+/// r of a step.
+fn relative(step: usize) -> f64 {
+    1.0 - STEP * step as f64
 }
 
 /// `model` with a load that swings at r times its frequency.
@@ -157,12 +201,13 @@ impl Loads {
     pub fn of(machine: &Machine) -> Option<Self> {
         let axes: &[Axis; AXES] = machine.axes.first_chunk()?;
         let (period, mechanism) = (machine.timing.period.as_secs_f64(), machine.mechanism?);
+        let oil = machine.hydraulics.as_ref().map(|hydraulics| &hydraulics.oil);
         let heaviest = machine.heaviest_payload;
         Some(Self {
             mechanism: mechanism.prepared(),
             payloads: heaviest.map(|heaviest| [0.0, heaviest].map(|mass| carrying(mechanism, mass))),
             heaviest: heaviest.unwrap_or(f64::INFINITY),
-            axes: axes.each_ref().map(|axis| Commissioning::of(axis, period)),
+            axes: axes.each_ref().map(|axis| Commissioning::of(axis, oil, period)),
             forces: axes.each_ref().map(|axis| Forces::of(axis, period)),
         })
     }
@@ -214,12 +259,15 @@ mod tests {
     /// The arm hangs far out.
     const OUT: [f64; AXES] = [0.5, 0.3, 0.8, 0.6];
 
+    /// The arm hangs down, the telescope is nearly in.
+    const DOWN: [f64; AXES] = [0.85, 1.3, 0.15, 0.6];
+
     /// The built-in excavator with this payload, kg; without what commissioning found of loads and swings.
     fn excavator(payload: f64) -> Machine {
         let mut machine = Machine::load(None, &[]).unwrap();
         machine.mechanism.as_mut().unwrap().masses.payload.mass = payload;
         for model in machine.axes.iter_mut().filter_map(|axis| axis.commissioned.as_mut()) {
-            (model.overrun, model.natural_frequency) = (Overrun::NONE, 0.0);
+            (model.overrun, model.natural_frequency, model.mass) = (Overrun::NONE, 0.0, f64::INFINITY);
         }
         machine
     }
@@ -245,7 +293,6 @@ mod tests {
         assert_eq!((loaded.faster(0.1), loaded.faster(-0.1)), (loaded.faster[0], 1.0));
         let (light, heavy) = (empty.gain[0], loaded.gain[0]);
         assert!(light < 1.0 && heavy < 0.8 * light && heavy > 0.2, "{empty:?} {loaded:?}");
-        assert_eq!(at(1500.0, 0.0).gain, [1.0; 3], "no swing was found");
         // It falls inwards on its rod side alone.
         assert!(loaded.gain[1] < 0.8 * heavy && loaded.gain[2] == heavy, "{loaded:?}");
         assert!(loaded.damping[1] > 1.5 * loaded.damping[0] && loaded.damping[0] < 1.0, "{loaded:?}");
@@ -253,11 +300,32 @@ mod tests {
     }
 
     #[test]
+    fn an_axis_of_which_no_swing_was_found_may_swing_on_its_oil() {
+        let at = |payload: f64, change: &dyn Fn(&mut Axis)| {
+            let mut machine = excavator(payload);
+            let telescope = &mut machine.axes[2];
+            (telescope.control.kp, telescope.control.ki) = (20.0, 20.0);
+            let model = telescope.commissioned.as_mut().unwrap();
+            (model.dead_time, model.time_constant, model.mass) = (0.03, 0.02, 1300.0);
+            change(telescope);
+            Loads::of(&machine).unwrap().at(&DOWN, None, &[None; AXES])[2].gain
+        };
+        let [rest, extending, retracting] = at(1500.0, &|_| {});
+        assert!(extending < 0.8 && rest == 1.0 && retracting == 1.0, "it hangs on its rod side: {extending}");
+        assert!(at(0.0, &|_| {})[1] > 1.1 * extending, "a light load swings faster");
+        let slow = |axis: &mut Axis| axis.commissioned.as_mut().unwrap().time_constant = 0.3;
+        let unknown = |axis: &mut Axis| axis.plant = None;
+        let weightless = |axis: &mut Axis| axis.commissioned.as_mut().unwrap().mass = f64::INFINITY;
+        let changes: [&dyn Fn(&mut Axis); 3] = [&slow, &unknown, &weightless];
+        assert!(changes.iter().all(|change| at(1500.0, change) == [1.0; 3]));
+    }
+
+    #[test]
     fn the_gain_margin_of_the_commissioning_stays() {
         let mut machine = excavator(0.0);
         arm(&mut machine, |model| (model.natural_frequency, model.damping, model.dead_time) = (3.0, 0.1, 0.0));
         let (control, model) = (&machine.axes[1].control, machine.axes[1].commissioned.as_ref().unwrap());
-        let parts = parts(control, model, 0.01);
+        let parts = parts(control, model, 0.01, f64::INFINITY);
         assert_eq!(parts[0], 1.0);
         assert!(parts.is_sorted_by(|a, b| a >= b) && parts[STEPS] < 0.5, "{parts:?}");
         let margin = |r: f64, gain: f64| {

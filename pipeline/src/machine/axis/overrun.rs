@@ -38,6 +38,7 @@ impl Overrun {
     }
 
     /// g of extending and of retracting under a load that `force` N of the cylinder hold: positive where it pushes.
+    #[inline]
     pub fn factors(&self, force: f64) -> [f64; 2] {
         let factor = |pull: f64, least: f64| (pull / least).max(1.0).sqrt();
         [factor(-force, self.extend), factor(force, self.retract)]

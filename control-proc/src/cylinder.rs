@@ -53,8 +53,8 @@ impl Cylinder {
         [rod, piston].map(|stiffness| (stiffness / (piston + rod)).sqrt())
     }
 
-    /// Frequency of the swing of `mass` kg on the oil of both chambers in the middle of the stroke, Hz; `bulk_modulus` in
-    /// Pa.
+    /// Frequency with which `mass` kg swing on the oil of both chambers in the middle of the stroke, Hz; `bulk_modulus`
+    /// in Pa.
     pub fn frequency(&self, mass: f64, bulk_modulus: f64) -> f64 {
         (bulk_modulus * self.middle() / mass).sqrt() / TAU
     }

@@ -14,15 +14,16 @@
 //! stays. A load that overruns its axis empties the chamber that is filled, and hangs on the oil of the other one alone
 //! (`Cylinder::left`). With pressure feedback a newton counts n times as much, so that the damping ratio stays.
 //!
-//! An axis of which no swing was found may swing under a greater mass, or on one chamber. Its swing is taken to be that
-//! of its oil (`Cylinder::frequency`), with a damping ratio of 0.1, and its gains leave a gain margin of 1.7, or as much
-//! as at the commissioning where that was less:
+//! An axis of which no swing was found may swing under a greater mass, or on one chamber. Its swing is taken to be the
+//! one of its oil (`Cylinder::frequency`), with a damping ratio of 0.1, and its gains leave a gain margin of 1.7, or as
+//! much as at the commissioning where that was less:
 //!
 //! ```text
-//! p_i = min(1, G_i(r_i) / min(1.7, G_i(1)))          s_i also where P_i / A_i > 2 MPa, A_i area of the drained chamber
+//! p_i = min(1, G_i(r_i) / min(1.7, G_i(1)))          s_i also where P_i / A > 2 MPa, A drained area in m2
 //! ```
 //!
-//! Behind a valve that reacts slowly for such a swing, and without areas, volumes or oil, the gains stay.
+//! Its r is by the frequency in the middle of the stroke, and greater towards the ends, where oil is stiffer. Behind a
+//! valve that reacts slowly for such a swing, and without areas, volumes or oil, the gains stay.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -32,9 +33,8 @@ use mechanism::{AXES, CylinderDynamics, PreparedMechanism, Vector};
 use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Oil, Overrun};
 
 use crate::{
-    commission::experiment::FAST_VALVE,
     cylinder::Cylinder,
-    margins::{LEAST_GAIN_MARGIN, Loop, mean_slope},
+    margins::{FAST_VALVE, LEAST_GAIN_MARGIN, Loop, mean_slope},
     payload::carrying,
 };
 use forces::Forces;
@@ -115,7 +115,6 @@ impl Commissioning {
         let natural_frequency = cylinder.frequency(model.mass, oil.bulk_modulus);
         let swinging = Commissioned { natural_frequency, damping: EXPECTED_DAMPING, ..model.clone() };
         let parts = parts(&axis.control, &swinging, period, LEAST_GAIN_MARGIN);
-        // A slow valve closes its loop far below the swing.
         let is_slow = |step: usize| model.reaction() * natural_frequency * relative(step) > FAST_VALVE;
         let parts = std::array::from_fn(|step| if is_slow(step) { 1.0 } else { parts[step] });
         Self { mass: model.mass, parts, is_expected: true, ..known }

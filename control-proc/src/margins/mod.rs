@@ -48,6 +48,9 @@ use response::{Point, response};
 pub const LEAST_GAIN_MARGIN: f64 = 1.7;
 /// Least delay margin that commissioning asks for, as a part of the dead time.
 pub const LEAST_DELAY_MARGIN: f64 = 0.5;
+/// Reaction of an axis, in periods of its swing, up to which its valve shakes it: a slower one closes its loop far
+/// below the swing.
+pub const FAST_VALVE: f64 = 0.4;
 /// A step by which gains are reduced, and the number of gains that are tried: the last is a twentieth of the first.
 const REDUCTION: f64 = 0.95;
 const REDUCTIONS: i32 = 60;

@@ -50,9 +50,8 @@ use axis::{SimulatedAxis, Swing};
 use course::{END, TRAINING, course};
 
 use crate::{
-    commission::experiment::FAST_VALVE,
     fallback::Fallback,
-    margins::{LEAST_GAIN_MARGIN, Loop, Margins, mean_slope, moved, parts, reduced, steepest},
+    margins::{FAST_VALVE, LEAST_GAIN_MARGIN, Loop, Margins, mean_slope, moved, parts, reduced, steepest},
     smith::{LastBy, Smith},
 };
 

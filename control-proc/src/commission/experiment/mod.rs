@@ -53,7 +53,7 @@ use pipeline::{
 };
 
 use super::record::ExperimentRecord;
-use crate::protection::limits::Limits;
+use crate::{margins::FAST_VALVE, protection::limits::Limits};
 use abort::Abort;
 use direction::Direction;
 use random::Random;
@@ -91,8 +91,6 @@ const LOWEST_LEVEL: f64 = 0.7;
 /// Part of the way of a stroke by which a load that swings comes back, and its longest period, s.
 const SWUNG: f64 = 0.03;
 const LONGEST_SWING: f64 = 0.6;
-/// Reaction of the axis, in periods of its swing, up to which its valve shakes it.
-pub const FAST_VALVE: f64 = 0.4;
 /// Time for which the random steps have to last at least, s.
 const LEAST_RANDOM: f64 = 8.0;
 

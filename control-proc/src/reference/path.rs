@@ -29,7 +29,7 @@
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
-use pipeline::machine::Axis;
+use pipeline::machine::{Axis, Commissioned};
 
 use crate::{model::response::MAX_AHEAD, protection::end_stops::EndStops};
 
@@ -148,13 +148,7 @@ impl Capability {
     /// Of an axis with `slow_references`; `period` in s.
     pub fn of(axis: &Axis, period: f64) -> Option<Self> {
         let model = axis.commissioned.as_ref().filter(|_| axis.control.slow_references)?;
-        let (retract, extend) = model.tested_speeds(axis.control.command_limit);
-        Some(Self { speeds: (GIVEN * retract, GIVEN * extend), end_stops: EndStops::new(axis, period) })
-    }
-
-    /// The lesser of both speeds, m/s.
-    pub fn speed(&self) -> f64 {
-        self.speeds.0.min(self.speeds.1)
+        Some(Self { speeds: given(axis, model), end_stops: EndStops::new(axis, period) })
     }
 
     /// r for a reference at `position` m whose speed at full rate is `speed` m/s.
@@ -163,6 +157,12 @@ impl Capability {
         let given = most.min(self.end_stops.stopping_speed(speed.signum(), position) + ARRIVAL);
         if speed.abs() > given { given / speed.abs() } else { 1.0 }
     }
+}
+
+/// 0.9 c of an axis while it retracts and extends, m/s.
+pub(super) fn given(axis: &Axis, model: &Commissioned) -> (f64, f64) {
+    let (retract, extend) = model.tested_speeds(axis.control.command_limit);
+    (GIVEN * retract, GIVEN * extend)
 }
 
 #[cfg(test)]

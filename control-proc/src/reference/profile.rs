@@ -13,8 +13,8 @@
 //! N, so the jerk is at most `2 a_max / (N T)`; it is reached only where the acceleration reverses at once. At the end
 //! all N points are g, and y_r is exactly g.
 //!
-//! v_max is a quarter of `max_speed`, or what an axis with `slow_references` can give ([`super::path`]) where that is
-//! less; a_max is v_max over 0.25 s r. With r = sqrt(10 1/s2 `max_speed` / `jerk`) the bound of the jerk is `jerk`; r
+//! v_max is a quarter of `max_speed`, or nine tenths of what the commissioned axis was measured to reach either way where
+//! that is less: nobody has asked for a speed, so none is planned that the axis cannot give. a_max is v_max over 0.25 s r. With r = sqrt(10 1/s2 `max_speed` / `jerk`) the bound of the jerk is `jerk`; r
 //! is 1 for the usual jerk. A motion that is faster than v_max at its beginning is braked to v_max. Source:
 //! acceleration-limited planning behind a moving average, as in numerical controls. Other than a curve of seven
 //! segments, this motion has no plan that a new set point could contradict.
@@ -24,7 +24,7 @@
 
 use pipeline::machine::Axis;
 
-use super::path::Capability;
+use super::path::given;
 
 /// Fastest speed of a reference that the controller plans itself, as part of `max_speed`.
 pub const SPEED: f64 = 0.25;
@@ -68,7 +68,8 @@ impl Profile {
     /// For set points inside the axis' soft limits, and so many ticks ahead; `period` in s. Nothing is allocated after
     /// this.
     pub fn new(axis: &Axis, period: f64, ahead: usize) -> Self {
-        let given = Capability::of(axis, period).map_or(f64::INFINITY, |capability| capability.speed());
+        let measured = axis.commissioned.as_ref().map(|model| given(axis, model));
+        let given = measured.map_or(f64::INFINITY, |(retract, extend)| retract.min(extend));
         let speed = given.min(SPEED * axis.max_speed);
         let ratio = (USUAL_JERK * axis.max_speed / axis.motion_limits(period).jerk).sqrt();
         // The small part keeps whole periods from counting one more by rounding.
@@ -237,12 +238,12 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_that_slows_its_references_is_asked_for_no_more_than_it_can_give() {
+    fn an_axis_is_asked_for_no_more_than_it_was_measured_to_give() {
         let mut axis = crate::tests::machine(1).axes.remove(0);
         let model = crate::tests::models::commissioned();
         axis.commissioned = Some(pipeline::machine::Commissioned { speeds_retract: vec![0.05, 0.2], ..model });
-        for (slows, expected) in [(false, 0.25), (true, 0.9 * 0.2)] {
-            axis.control.slow_references = slows;
+        for (is_known, expected) in [(true, 0.9 * 0.2), (false, 0.25)] {
+            axis.commissioned = axis.commissioned.filter(|_| is_known);
             let mut profile = Profile::new(&axis, PERIOD, 20);
             profile.begin(0.3, 0.0);
             profile.aim(1.0);

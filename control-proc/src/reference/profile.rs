@@ -13,11 +13,12 @@
 //! N, so the jerk is at most `2 a_max / (N T)`; it is reached only where the acceleration reverses at once. At the end
 //! all N points are g, and y_r is exactly g.
 //!
-//! v_max is a quarter of `max_speed`, or nine tenths of what the commissioned axis was measured to reach either way where
-//! that is less: nobody has asked for a speed, so none is planned that the axis cannot give. a_max is v_max over 0.25 s r. With r = sqrt(10 1/s2 `max_speed` / `jerk`) the bound of the jerk is `jerk`; r
-//! is 1 for the usual jerk. A motion that is faster than v_max at its beginning is braked to v_max. Source:
-//! acceleration-limited planning behind a moving average, as in numerical controls. Other than a curve of seven
-//! segments, this motion has no plan that a new set point could contradict.
+//! v_max is a quarter of `max_speed`, or nine tenths of what the commissioned axis was measured to reach either way
+//! where that is less: nobody has asked for a speed, so none is planned that the axis cannot give. a_max is v_max over
+//! 0.25 s r. With r = sqrt(10 1/s2 `max_speed` / `jerk`) the bound of the jerk is `jerk`; r is 1 for the usual jerk. A
+//! motion that is faster than v_max at its beginning is braked to v_max. Source: acceleration-limited planning behind a
+//! moving average, as in numerical controls. Other than a curve of seven segments, this motion has no plan that a new
+//! set point could contradict.
 //!
 //! Traps: braking exactly along w asks for 1.125 times its deceleration in the last ticks, hence b is below a_max. The
 //! mean lags by half its length, so a motion that begins with a speed begins that much ahead.

@@ -143,7 +143,7 @@ impl Data<'_> {
     pub fn judge(&self, model: &Commissioned, beside: &Beside, seconds: f64) -> (f64, Vec<f64>) {
         let period = self.record.period;
         let dynamics = Dynamics::of_model(model, beside.start);
-        let integrals = integrate(self.record, self.end, &dynamics, |x| [model.spool_speed(x)]);
+        let integrals = integrate(self.record, self.end, &dynamics, speed(model));
         let places = places(self.record, self.end);
         let ahead = samples(seconds, period);
         let (begin, end) = (self.begin, self.end.saturating_sub(ahead).max(self.begin));
@@ -176,7 +176,7 @@ impl Data<'_> {
 /// every motion. The steps of an experiment are short, so its curve lies too low by that.
 pub(super) fn pace(data: &Data<'_>, model: &Commissioned, beside: &Beside) -> [f64; 2] {
     let (period, record) = (data.record.period, data.record);
-    let integrals = integrate(record, data.end, &Dynamics::of_model(model, beside.start), |x| [model.spool_speed(x)]);
+    let integrals = integrate(record, data.end, &Dynamics::of_model(model, beside.start), speed(model));
     let places = places(record, data.end);
     let (ahead, settled) = (samples(PACED_AHEAD, period), samples(SETTLED, period));
     let late = (model.dead_time / period).round() as usize;
@@ -228,7 +228,7 @@ fn ratio(motions: &[[f64; 2]]) -> (f64, f64) {
 /// How far the axis has moved since the first sample, m, at every sample of a record, by a model of it.
 pub fn modelled(record: &ExperimentRecord, model: &Commissioned) -> Vec<f64> {
     let end = record.positions.len();
-    let integrals = integrate(record, end, &Dynamics::of_model(model, Start::NONE), |x| [model.spool_speed(x)]);
+    let integrals = integrate(record, end, &Dynamics::of_model(model, Start::NONE), speed(model));
     integrals[..end].iter().map(|[way]| *way).collect()
 }
 
@@ -257,21 +257,26 @@ impl Dynamics {
     }
 }
 
-/// max(0, x - d_e - q_j) and the mirrored terms, as a function of x.
-fn hinges(shape: &Shape) -> impl Fn(f64) -> [f64; DRIFT] {
+/// max(0, x - d_e - q_j) and the mirrored terms, of x, and whether one of them is not 0.
+fn hinges(shape: &Shape) -> impl Fn(f64, &mut [f64; DRIFT]) -> bool {
     let bends = BENDS.map(|part| part * shape.span);
     let dead_band = shape.dead_band;
-    move |x| {
-        let mut hinges = [0.0; DRIFT];
+    move |x, hinges| {
         let (side, sign, beyond) =
             if x > 0.0 { (0, 1.0, x - dead_band.extend) } else { (1, -1.0, -x - dead_band.retract) };
+        hinges.fill(0.0);
         for (hinge, bend) in hinges[side * KNOTS..].iter_mut().zip(&bends) {
-            if beyond <= *bend {
-                break;
-            }
-            *hinge = sign * (beyond - bend);
+            *hinge = sign * (beyond - bend).max(0.0);
         }
-        hinges
+        beyond > 0.0
+    }
+}
+
+/// The speed of a model at x, and whether it is not 0.
+fn speed(model: &Commissioned) -> impl Fn(f64, &mut [f64; 1]) -> bool {
+    |x, [speed]| {
+        *speed = model.spool_speed(x);
+        *speed != 0.0
     }
 }
 
@@ -295,21 +300,22 @@ fn samples(seconds: f64, period: f64) -> usize {
     ((seconds / period).round() as usize).max(1)
 }
 
-/// The integral of `f(X(t))` up to every sample before `end` and up to it, one dead time earlier.
+/// The integral of `f` of X(t), up to every sample before `end` and up to it, one dead time earlier. `f` writes it, and
+/// says whether it is not 0. A search spends most of its time here. Trap: arrays that are returned, or mapped, are
+/// copied; with them this took three times as long.
 fn integrate<const N: usize>(
     record: &ExperimentRecord,
     end: usize,
     dynamics: &Dynamics,
-    f: impl Fn(f64) -> [f64; N],
+    f: impl Fn(f64, &mut [f64; N]) -> bool,
 ) -> Vec<[f64; N]> {
     let steps = ((record.period / STEP).round() as usize).max(1);
     let step = record.period / steps as f64;
     let decay = (-step / dynamics.time_constant).exp();
     let mut motion = dynamics.spring.motion(step);
     let mut pressure = dynamics.start.pressure(step);
-    let (mut w, mut x, mut integral) = (0.0f64, 0.0, [0.0; N]);
+    let (mut w, mut x, mut curve) = (0.0f64, 0.0, [0.0; N]);
     let play = 0.5 * dynamics.hysteresis;
-    let mut before = f(x);
     // The dead time ends `part` of a part of a period after one of them begins, which is the same for all samples.
     let parts = dynamics.dead_time / step;
     let (late, part) = (parts.ceil() as usize, parts.ceil() - parts);
@@ -324,19 +330,25 @@ fn integrate<const N: usize>(
         w = w.clamp(command - play, command + play);
         for _ in 0..steps {
             x = w + (x - w) * decay;
-            let now = motion.advance(pressure.advance(x, f(x).map(|speed| faster[usize::from(x < 0.0)] * speed)));
-            let low = integral;
-            for (integral, (before, now)) in integral.iter_mut().zip(before.iter().zip(&now)) {
-                *integral += 0.5 * step * (before + now);
-            }
-            before = now;
+            let is_open = f(x, &mut curve);
+            let risen = pressure.advance(x, is_open);
+            let faster = faster[usize::from(x < 0.0)];
+            curve.iter_mut().for_each(|speed| *speed = risen * (faster * *speed));
+            let curve = is_open.then_some(&curve);
             if count.is_multiple_of(steps) && integrals.len() <= end {
-                integrals.push(std::array::from_fn(|j| low[j] + part * (integral[j] - low[j])));
+                let mut ways = *motion.ways();
+                motion.advance(curve);
+                for (way, now) in ways.iter_mut().zip(motion.ways()) {
+                    *way += part * (now - *way);
+                }
+                integrals.push(ways);
+            } else {
+                motion.advance(curve);
             }
             count += 1;
         }
     }
     // Without a dead time the last sample is where the integral ends.
-    integrals.resize(end + 1, integral);
+    integrals.resize(end + 1, *motion.ways());
     integrals
 }

@@ -59,20 +59,16 @@ impl Start {
 }
 
 impl Pressure {
-    /// What is left of the speeds of the curve after one more step with the spool at x. Speeds other than 0 mean that
-    /// the valve is open.
+    /// What is left of the speeds of the curve after one more step with the spool at x, whose valve is open or shut.
     #[inline]
-    pub fn advance<const N: usize>(&mut self, x: f64, speeds: [f64; N]) -> [f64; N] {
-        let Some(decay) = self.decay else { return speeds };
+    pub fn advance(&mut self, x: f64, is_open: bool) -> f64 {
+        let Some(decay) = self.decay else { return 1.0 };
         let side = usize::from(x < 0.0);
-        // All are looked at: a loop without a branch is faster than one that stops.
-        let is_open = speeds.iter().fold(false, |is_open, speed| is_open | (*speed != 0.0));
         for (i, level) in self.levels.iter_mut().enumerate() {
             let towards = if is_open && i == side { 1.0 } else { 0.0 };
             *level = towards + (*level - towards) * decay;
         }
-        let part = ((self.levels[side] - self.least[side]) / (1.0 - self.least[side])).max(0.0);
-        speeds.map(|speed| part * speed)
+        ((self.levels[side] - self.least[side]) / (1.0 - self.least[side])).max(0.0)
     }
 }
 
@@ -88,7 +84,7 @@ mod tests {
         for (x, time) in [(0.3, 0.2), (-0.3, 0.0)] {
             let mut pressure = start.pressure(STEP);
             for k in 1..1000 {
-                let [part] = pressure.advance(x, [1.0]);
+                let part = pressure.advance(x, true);
                 let t = STEP * f64::from(k) - time;
                 let expected = if t > 0.0 { 1.0 - (-t / 0.1).exp() } else { 0.0 };
                 assert!((part - expected).abs() < 1e-9, "{x} {t} {part}");
@@ -100,9 +96,9 @@ mod tests {
     fn a_short_rest_costs_less_than_a_long_one() {
         let late = |rest: usize| {
             let mut pressure = Start { times: [0.2, 0.2], lag: 0.1 }.pressure(STEP);
-            (0..2000).for_each(|_| _ = pressure.advance(0.3, [1.0]));
-            (0..rest).for_each(|_| _ = pressure.advance(0.0, [0.0]));
-            (1..).find(|_| pressure.advance(0.3, [1.0]) != [0.0]).unwrap()
+            (0..2000).for_each(|_| _ = pressure.advance(0.3, true));
+            (0..rest).for_each(|_| _ = pressure.advance(0.0, false));
+            (1..).find(|_| pressure.advance(0.3, true) != 0.0).unwrap()
         };
         assert_eq!(late(0), 1);
         assert!(late(50) < late(100) && late(100) < late(2000));
@@ -112,6 +108,6 @@ mod tests {
     #[test]
     fn oil_that_flows_at_once_leaves_the_curve_as_it_is() {
         let mut pressure = Start::NONE.pressure(STEP);
-        assert_eq!(pressure.advance(0.3, [0.2, -0.1]), [0.2, -0.1]);
+        assert_eq!(pressure.advance(0.3, true), 1.0);
     }
 }

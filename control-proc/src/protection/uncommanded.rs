@@ -9,7 +9,7 @@
 //! r(k)  = r(k-1) exp(-T/1.5 s) + s dy(k) while b(k) > 0 and s dy(k) > 0
 //! w(k)  = max(e(k), w(k-1) exp(-T/1.5 s))
 //! fault   e > e_0 + min(max(0.4 r', w'), 0.08 s v_m); where o(k), e > e_0/2 + the same;
-//!         beyond the soft limit of this direction e > e_0/2
+//!         beyond the soft limit of this direction e > e_0/2 + min(w', 0.08 s v_m)
 //! ```
 //!
 //! s direction, 1 extending and -1 retracting: all of this is computed once for each. u command, y position m, T period
@@ -264,9 +264,10 @@ impl Uncommanded {
         }
         let is_beyond = |sign: f64, at: f64| if sign > 0.0 { at > self.soft_limits.1 } else { at < self.soft_limits.0 };
         let is_fault = |direction: &Direction, other: &Direction, sign: f64| {
-            let swing = (SWING * other.commanded).max(other.swung).min(SWING_TIME * self.fastest);
+            let most = SWING_TIME * self.fastest;
+            let swing = (SWING * other.commanded).max(other.swung).min(most);
             let allowed = if self.last.is_some_and(|at| is_beyond(sign, at)) {
-                STRICT * self.allowed
+                STRICT * self.allowed + other.swung.min(most)
             } else if direction.is_against {
                 STRICT * self.allowed + swing
             } else {
@@ -429,6 +430,19 @@ mod tests {
         // Without a swing back nothing more is allowed.
         let runs_on = latches(&|t| stops(t) + 0.1 * (t - 2.5).max(0.0));
         assert!(runs_on.is_some_and(|time| time < 2.5 + 0.15), "{runs_on:?}");
+    }
+
+    /// Of an axis that is off, 6 mm beyond its soft limit, while the stop of another one shakes it.
+    #[test]
+    fn a_load_that_swings_beyond_a_soft_limit_may_come_back_to_where_it_was() {
+        let swings = |by: f64, goes_on: f64| {
+            let swing = move |t: f64| if t > 0.0 { -by * (-0.3 * t).exp() * (8.8 * t).sin() } else { 0.0 };
+            latches(true, |_| 0.0, move |t| 1.29 + swing(t) + goes_on * (t - 1.5).max(0.0))
+        };
+        assert_eq!(swings(0.01, 0.0), None);
+        let (time, _) = swings(0.01, 0.1).unwrap();
+        assert!(time < 1.5 + 0.3, "{time}");
+        assert!(swings(-0.015, 0.0).is_some(), "outwards first");
     }
 
     #[test]

@@ -224,7 +224,7 @@ impl References {
         let status = if self.state == State::Tracks {
             self.pursue((sequence, elapsed), position, path, generator, reference)
         } else {
-            self.profile.advance(elapsed);
+            self.profile.advance(elapsed, before - position);
             self.profile.fill(&mut self.positions[..=self.ahead.all]);
             ReferenceStatus { is_refused: false, counts: false, is_slowed: false }
         };
@@ -252,7 +252,7 @@ impl References {
                     self.profile.begin(before, self.speed);
                     self.brakes = true;
                 }
-                self.profile.advance(elapsed);
+                self.profile.advance(elapsed, before - position);
                 self.profile.fill(positions);
                 channel.hold(positions[0]);
             }

@@ -2,23 +2,26 @@
 //! tick.
 //!
 //! ```text
-//! w(d)   = min(v_max, -b T/2 + sqrt((b T/2)^2 + 2 b |d|), |d| / T) sgn d        b = 0.8 a_max
+//! w(d)   = min(f v_max, -b T/2 + sqrt((b T/2)^2 + 2 b |d|), |d| / T) sgn d      b = 0.8 a_max
+//! f      = 2 - 2 e / e_b, from 0.1 to 1
 //! v(k+1) = w(g - x(k)), at most a_max T from v(k)         x(k+1) = x(k) + T v(k+1)
 //! y_r(k) = (x(k) + x(k-1) + .. + x(k-N+1)) / N            N T = 0.2 s r, rounded up
 //! ```
 //!
 //! g set point m, x a motion of bounded speed and acceleration m, v its speed m/s, w the speed from which it still
-//! stops at the set point, y_r reference m, T period s. The mean over N points of a motion is as bounded as the motion,
-//! so `|v_r| <= v_max` and `|a_r| <= a_max`. From tick to tick a_r changes by the difference of two accelerations over
-//! N, so the jerk is at most `2 a_max / (N T)`; it is reached only where the acceleration reverses at once. At the end
-//! all N points are g, and y_r is exactly g.
+//! stops at the set point, y_r reference m, T period s; e way by which the axis lags behind y_r m, and e_b the floor of
+//! the bound on that ([`crate::protection::following_error`]) m. The mean over N points of a motion is as bounded as
+//! the motion, so `|v_r| <= v_max` and `|a_r| <= a_max`. From tick to tick a_r changes by the difference of two
+//! accelerations over N, so the jerk is at most `2 a_max / (N T)`; it is reached only where the acceleration reverses
+//! at once. At the end all N points are g, and y_r is exactly g.
 //!
 //! v_max is a quarter of `max_speed`, or nine tenths of what the commissioned axis was measured to reach either way
-//! where that is less: nobody has asked for a speed, so none is planned that the axis cannot give. a_max is v_max over
-//! 0.25 s r. With r = sqrt(10 1/s2 `max_speed` / `jerk`) the bound of the jerk is `jerk`; r is 1 for the usual jerk. A
-//! motion that is faster than v_max at its beginning is braked to v_max. Source: acceleration-limited planning behind a
-//! moving average, as in numerical controls. Other than a curve of seven segments, this motion has no plan that a new
-//! set point could contradict.
+//! where that is less: nobody has asked for a speed, so none is planned that the axis cannot give. For an axis that
+//! gives less today the motion waits, by f. It never stands: that an axis does not move at all is still found. a_max is
+//! v_max over 0.25 s r. With r = sqrt(10 1/s2 `max_speed` / `jerk`) the bound of the jerk is `jerk`; r is 1 for the
+//! usual jerk. A motion that is faster than v_max at its beginning is braked to v_max. Source: acceleration-limited
+//! planning behind a moving average, as in numerical controls. Other than a curve of seven segments, this motion has no
+//! plan that a new set point could contradict.
 //!
 //! Traps: braking exactly along w asks for 1.125 times its deceleration in the last ticks, hence b is below a_max. The
 //! mean lags by half its length, so a motion that begins with a speed begins that much ahead.
@@ -35,6 +38,8 @@ const RISE_TIME: f64 = 0.25;
 const SMOOTHING: f64 = 0.2;
 /// Part of the acceleration that the braking curve uses.
 const BRAKING: f64 = 0.8;
+/// Least part of its speed with which a motion waits.
+const LEAST_PART: f64 = 0.1;
 
 /// Ticks after which every motion has come to a stand.
 const MOST_TICKS: u64 = 1_000_000;
@@ -50,7 +55,11 @@ pub struct Profile {
     /// Soft limits, m.
     limits: (f64, f64),
     /// v_max, m/s.
+    most: f64,
+    /// f v_max, m/s.
     speed: f64,
+    /// e_b, m.
+    bound: f64,
     /// The axis' `max_speed`, m/s.
     max_speed: f64,
     /// a_max, m/s2.
@@ -78,7 +87,9 @@ impl Profile {
         Self {
             period,
             limits: axis.soft_limits,
+            most: speed,
             speed,
+            bound: axis.control.following_error,
             max_speed: axis.max_speed,
             acceleration: speed / (RISE_TIME * ratio),
             set_point: 0.0,
@@ -120,8 +131,11 @@ impl Profile {
         self.v == 0.0 && self.points[..self.mean].iter().all(|point| *point == self.set_point)
     }
 
-    /// Moves on by `ticks`.
-    pub fn advance(&mut self, ticks: u64) {
+    /// Moves on by `ticks`; the reference is `error` m beyond the axis.
+    pub fn advance(&mut self, ticks: u64, error: f64) {
+        let lag = error * (self.set_point - self.points[self.mean - 1]).signum();
+        // NaN is no lag.
+        self.speed = self.most * (2.0 - 2.0 * lag / self.bound).min(1.0).max(LEAST_PART);
         // An axis with a longer gap in its samples has been latched long before.
         for _ in 0..ticks.min(MOST_TICKS) {
             if self.stands() {
@@ -189,7 +203,7 @@ mod tests {
 
     fn next(profile: &mut Profile) -> f64 {
         let mut targets = [0.0; 21];
-        profile.advance(1);
+        profile.advance(1, 0.0);
         profile.fill(&mut targets);
         targets[0]
     }
@@ -271,7 +285,7 @@ mod tests {
         profile.begin(0.5, 0.1);
         profile.aim(0.52);
         let mut ahead = [0.0; 21];
-        profile.advance(1);
+        profile.advance(1, 0.0);
         profile.fill(&mut ahead);
         for expected in &ahead[1..] {
             assert_eq!(next(&mut profile), *expected);
@@ -285,10 +299,10 @@ mod tests {
         other.begin(0.5, 0.0);
         one.aim(0.9);
         other.aim(0.9);
-        (0..7).for_each(|_| one.advance(1));
-        other.advance(7);
+        (0..7).for_each(|_| one.advance(1, 0.0));
+        other.advance(7, 0.0);
         assert_eq!(one, other);
-        other.advance(u64::MAX);
+        other.advance(u64::MAX, 0.0);
         assert!(other.stands());
     }
 

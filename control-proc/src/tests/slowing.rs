@@ -4,10 +4,10 @@ use std::path::Path;
 
 use pipeline::{
     machine::Machine,
-    message::{ValveCommand, control_flag},
+    message::{AxisMode, ValveCommand, control_flag},
 };
 
-use super::{machine_text, plant::Actuator, sample};
+use super::{machine_text, machine_with, modes::Operated, plant::Actuator, sample};
 use crate::Controller;
 
 /// Largest speed of the plant at full command, m/s: that of [`Actuator`] behind a dead band of 0.1.
@@ -100,4 +100,30 @@ fn a_reference_that_the_axis_can_follow_is_the_same_with_the_key() {
     let (with, without) = (run(&machine(0.4 * REACHED, true)), run(&machine(0.4 * REACHED, false)));
     let differs = with.iter().zip(&without).position(|(with, without)| with.axes[0] != without.axes[0]);
     assert_eq!(differs, None);
+}
+
+/// An axis that holds, is sent 0.6 m away and reaches 0.15 m/s, of 0.25 m/s that its set point is planned with.
+#[test]
+fn a_set_point_waits_for_an_axis_that_is_slower_than_planned() {
+    let limited = "command_limit = 0.35\nfollowing_error = 0.1\n";
+    let mut axis = Operated::of(&machine_with("command_limit = 1.0\nfollowing_error = 0.5\n", limited));
+    axis.enable(AxisMode::Hold);
+    let commands = axis.asks(800, AxisMode::Hold, 0.0, Some(1.2));
+    let last = commands[799].axes[0];
+    assert!(last.latches == 0 && last.error.abs() < 5e-3 && last.reference == 1.2, "{last:?}");
+    let fast = commands.windows(2).filter(|pair| pair[1].axes[0].reference - pair[0].axes[0].reference > 0.0024);
+    assert!(fast.count() > 20, "it begins as it is planned");
+}
+
+#[test]
+fn a_set_point_does_not_wait_for_an_axis_that_moves_away_from_it() {
+    let mut axis = Operated::of(&machine_with("following_error = 0.5", "following_error = 0.1"));
+    axis.enable(AxisMode::Hold);
+    let latched = (0..400).position(|_| {
+        let command = axis.ask(AxisMode::Hold, 0.0, Some(1.2)).axes[0];
+        // The load falls.
+        axis.axis.plant.position -= 0.004;
+        command.latches != 0
+    });
+    assert!(latched.is_some_and(|tick| tick < 150), "{latched:?}");
 }

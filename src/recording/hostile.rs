@@ -23,7 +23,7 @@ use super::{
     reading::{Reading, ReadingError},
 };
 
-/// Bytes that are cut off one by one.
+/// Length up to which the file is cut.
 const CUT: usize = 64 << 10;
 /// Messages of the recording.
 const MESSAGES: u64 = 600;
@@ -98,7 +98,8 @@ fn a_file_that_is_cut_anywhere_is_read_up_to_there() {
     assert!(whole.len() > CUT, "{}", whole.len());
     assert_eq!(read(whole.clone()).unwrap(), (MESSAGES as usize, true));
     let mut before = 0;
-    for length in 0..CUT {
+    // The later ones take long, and are places of records that come again and again.
+    for length in (0..CUT / 4).chain((CUT / 4..CUT).step_by(3)) {
         match read(whole[..length].to_vec()) {
             Ok((messages, is_whole)) => {
                 assert!(!is_whole && messages >= before, "{length}: {messages} after {before}");

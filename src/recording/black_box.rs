@@ -23,7 +23,7 @@ use pipeline::{
 
 use super::{
     Facts, axes_in, clock_ns, default_folder,
-    file::RecordingFile,
+    file::{Encoded, RecordingFile},
     kept::{self, About, KeptFile, LeftFile},
     tapes::{Messages, SPAN, Strips, Tapes},
 };
@@ -64,7 +64,7 @@ fn write(
     }));
     let path = folder.join(file_name(prefix, SystemTime::now()));
     let written = RecordingFile::create(&path, &facts, &[], clock_ns).and_then(|mut file| {
-        let written = channels.iter().try_for_each(|channel| channel.write(&mut file));
+        let written = add_all(&mut file, channels);
         written.and_then(|()| file.finish(&Facts::new())).inspect_err(|_| {
             // Half a file explains nothing; the disk may be full.
             let _ = fs::remove_file(&path);
@@ -84,6 +84,14 @@ fn write(
         _ => said,
     };
     if is_written { Ok(said) } else { Err(said) }
+}
+
+/// Adds all messages in the order in which they were read, as a recording has them.
+fn add_all(file: &mut RecordingFile, channels: &[Box<dyn Messages>]) -> Result<(), McapError> {
+    channels.iter().try_for_each(|channel| channel.add_to(file))?;
+    let mut messages: Vec<Encoded> = channels.iter().flat_map(|channel| channel.encoded()).collect();
+    messages.sort_by_key(|message| message.read_ns);
+    messages.iter().try_for_each(|message| file.write(message))
 }
 
 fn file_name(prefix: &Prefix, now: SystemTime) -> String {

@@ -24,6 +24,7 @@ use super::{
 };
 
 /// A message as it is in a file.
+#[derive(Clone)]
 pub struct Encoded {
     /// Name of the channel.
     pub channel: &'static str,

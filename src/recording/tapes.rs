@@ -138,16 +138,21 @@ impl Strips {
 
 /// The messages of one channel, of any type.
 pub trait Messages: Send {
-    /// Adds the channel and all its messages to a file.
-    fn write(&self, file: &mut RecordingFile) -> McapResult<()>;
+    /// Adds the channel to a file.
+    fn add_to(&self, file: &mut RecordingFile) -> McapResult<()>;
+    /// All messages, the oldest first.
+    fn encoded(&self) -> Vec<Encoded>;
     /// Name of the channel, and messages that were lost before they came here.
     fn lost(&self) -> (&'static str, u64);
 }
 
 impl<M: Message + Send> Messages for Strip<M> {
-    fn write(&self, file: &mut RecordingFile) -> McapResult<()> {
-        file.add_channel::<M>()?;
-        self.messages.iter().try_for_each(|(read_ns, message)| file.write(&Encoded::new(*read_ns, message)))
+    fn add_to(&self, file: &mut RecordingFile) -> McapResult<()> {
+        file.add_channel::<M>()
+    }
+
+    fn encoded(&self) -> Vec<Encoded> {
+        self.messages.iter().map(|(read_ns, message)| Encoded::new(*read_ns, message)).collect()
     }
 
     fn lost(&self) -> (&'static str, u64) {
@@ -178,9 +183,12 @@ impl StatesStrip {
 }
 
 impl Messages for StatesStrip {
-    fn write(&self, file: &mut RecordingFile) -> McapResult<()> {
-        controller_state::add_to(file, &self.axes)?;
-        self.states.iter().try_for_each(|state| file.write(state))
+    fn add_to(&self, file: &mut RecordingFile) -> McapResult<()> {
+        controller_state::add_to(file, &self.axes)
+    }
+
+    fn encoded(&self) -> Vec<Encoded> {
+        self.states.clone()
     }
 
     fn lost(&self) -> (&'static str, u64) {

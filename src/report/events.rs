@@ -312,11 +312,11 @@ fn latch(machine: &Machine, axis: &Axis, latched_by: u32, error: f64, faults: u3
         control_flag::EMERGENCY_STOP => {
             "the emergency stop was pressed, or asked for; the pilot pressure is cut off".to_owned()
         }
-        control_flag::MOTION => {
-            "the axis moved though nobody had commanded it, or against its command: are valve and encoder of the same \
-             sign? The pilot pressure is cut off"
-                .to_owned()
-        }
+        control_flag::MOTION => format!(
+            "the axis moved though nobody had commanded it, against its command (are valve and encoder of the same \
+             sign?), or faster than its max_speed of {} m/s. The pilot pressure is cut off",
+            axis.max_speed
+        ),
         _ => "a sample had a time of CLOCK_MONOTONIC that is still to come, or the computer was suspended".to_owned(),
     };
     let flags = (0..u32::BITS).map(|bit| 1 << bit).filter(|flag| latched_by & control_flag::LATCHED & flag != 0);

@@ -58,8 +58,11 @@ fn a_killed_acquisition_leaves_a_file_with_what_came_before_and_after() {
     assert!(cause.abs_diff(was_at) < 1_000_000_000, "{cause} {was_at}");
 
     let mut channels: BTreeMap<String, Vec<(u64, u64)>> = BTreeMap::new();
+    let mut before = 0;
     for message in MessageStream::new(&bytes).unwrap() {
         let message = message.unwrap();
+        assert!(message.log_time >= before, "{}: {} after {before}", message.channel.topic, message.log_time);
+        before = message.log_time;
         let schema = message.channel.schema.clone().unwrap();
         assert_eq!((&*message.channel.message_encoding, &*schema.encoding), ("cdr", "ros2msg"));
         assert!(std::str::from_utf8(&schema.data).unwrap().lines().any(is_number));

@@ -44,7 +44,7 @@ const ENDING: &str = ".stop";
 
 shared_struct! {
     /// The machine of a group, as far as its clients need it.
-    #[type_name("hydraxis.GroupMachine/1")]
+    #[type_name("hydraxis.GroupMachine/2")]
     pub struct GroupMachine {
         /// [`Machine::fingerprint`].
         pub fingerprint: u64,
@@ -58,6 +58,8 @@ shared_struct! {
         pub names: [[u8; MAX_NAME]; MAX_AXES],
         /// Soft limits of the axes, m.
         pub soft_limits: [[f64; 2]; MAX_AXES],
+        /// Dead bands that the fallback compensates while extending and retracting, as magnitudes.
+        pub dead_bands: [[f64; 2]; MAX_AXES],
     }
 }
 
@@ -74,6 +76,7 @@ impl GroupMachine {
             let name = &axis.name.as_bytes()[..axis.name.len().min(MAX_NAME)];
             found.names[i][..name.len()].copy_from_slice(name);
             found.soft_limits[i] = axis.soft_limits.into();
+            found.dead_bands[i] = [axis.control.dead_band.extend, axis.control.dead_band.retract];
         }
         found
     }
@@ -111,7 +114,7 @@ impl GroupMachine {
 /// What is in shared memory.
 #[derive(Debug, ZeroCopySend)]
 #[repr(C)]
-#[type_name("hydraxis.Board/2")]
+#[type_name("hydraxis.Board/3")]
 pub struct Page {
     machine: GroupMachine,
     /// Stops asked for, of each axis and of all with cut-off; and those that control-proc has acted on.

@@ -8,6 +8,7 @@ mod arm;
 mod disarm;
 mod places;
 mod tip;
+mod travel;
 
 use std::time::{Duration, Instant};
 
@@ -34,9 +35,8 @@ use crate::{
 use arguments::GroupAxes;
 pub use arguments::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use tip::TipMove;
+use travel::Travel;
 
-/// Least travel that counts as motion, m.
-const MOVED: f64 = 1e-3;
 /// Time between two lines.
 const LINE_PERIOD: Duration = Duration::from_secs(1);
 
@@ -184,46 +184,35 @@ fn stream(
     }
     let begin = Instant::now();
     let mut next_line = begin;
-    let mut travel: Option<(EncoderSample, EncoderSample)> = None;
+    let mut travels: Vec<Travel> = axes.iter().map(|_| Travel::default()).collect();
     while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
         let Some(sample) = operator.sample()? else { break };
-        travel = Some((travel.map_or(sample, |(first, _)| first), sample));
         operator.ask(&sample)?;
         while operator.command()?.is_some() {}
         let has_left = |axis: &&usize| operator.last(**axis).is_some_and(|last| last.operation != mode as u32);
         if let Some(axis) = axes.iter().find(has_left) {
             return Err(Failure::run(format!("{}; allowed: {}", operator.state(*axis), mode.name())));
         }
+        for (axis, travel) in axes.iter().zip(&mut travels) {
+            let sent = operator.last(*axis).map_or(0.0, |last| last.command);
+            travel.update(sample.axes[*axis].usable(), sent, operator.machine().dead_bands[*axis]);
+        }
         if Instant::now() >= next_line {
             next_line += LINE_PERIOD;
             show(&line(axes, operator, Some(&sample)))?;
         }
     }
-    match (arguments.command, travel) {
-        (Some(command), Some((first, last))) => expect_direction(axes, command, &first, &last, operator),
-        _ => Ok(()),
-    }
+    arguments.command.map_or(Ok(()), |command| expect_direction(axes, command, &travels, operator))
 }
 
 /// Shows how far the axes have moved under a command; fails where one has moved against it.
-fn expect_direction(
-    axes: &[usize],
-    command: f64,
-    first: &EncoderSample,
-    last: &EncoderSample,
-    operator: &Operator,
-) -> Result<(), Failure> {
+fn expect_direction(axes: &[usize], command: f64, travels: &[Travel], operator: &Operator) -> Result<(), Failure> {
     let mut against = Vec::new();
-    for axis in axes {
+    for (axis, travel) in axes.iter().zip(travels) {
         let name = operator.machine().name(*axis);
-        let moved = last.axes[*axis].position - first.axes[*axis].position;
-        let text = format!("axis.{name}: moved {:+.1} mm under the command {command:+}", 1e3 * moved);
-        if moved.abs() < MOVED && command != 0.0 {
-            show(&format!("{text}: the command may be within the dead band of the valve\n"))?;
-        } else if moved * command < 0.0 {
-            against.push(format!("{text}; allowed: the same direction: are valve and encoder of the same sign?"));
-        } else {
-            show(&format!("{text}\n"))?;
+        match travel.judged(command) {
+            Ok(text) => show(&format!("axis.{name}: {text}\n"))?,
+            Err(text) => against.push(format!("axis.{name}: {text}")),
         }
     }
     if against.is_empty() { Ok(()) } else { Err(Failure::run(against.join("\n"))) }

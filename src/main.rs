@@ -50,6 +50,6 @@ fn ended(result: Result<(), Failure>) -> ExitCode {
 /// Says why the command failed.
 fn refused(failure: &Failure) -> ExitCode {
     // The reader of standard error may have ended.
-    let _ = writeln!(stderr(), "{failure}");
+    let _ = writeln!(stderr(), "{}", report::output::printable(&failure.to_string()));
     failure.exit_code()
 }

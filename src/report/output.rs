@@ -199,7 +199,22 @@ impl Write for Kept {
     }
 }
 
-/// Writes text to standard output. A reader that has closed its end, such as `head`, is no error.
+/// `text` with escapes in the place of control characters other than line ends and tabs: a text from a file must not
+/// steer the terminal.
+pub fn printable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for sign in text.chars() {
+        if sign.is_control() && !matches!(sign, '\n' | '\t') {
+            shown.extend(sign.escape_default());
+        } else {
+            shown.push(sign);
+        }
+    }
+    shown
+}
+
+/// Writes text to standard output as [`printable`] has it. A reader that has closed its end, such as `head`, is no
+/// error.
 ///
 /// # Errors
 /// Standard output cannot be written for another reason.
@@ -207,13 +222,13 @@ pub fn show(text: &str) -> Result<(), OutputError> {
     show_to_reader(text).map(|_| ())
 }
 
-/// Writes text to standard output, and says whether anybody still reads it.
+/// Writes text to standard output as [`printable`] has it, and says whether anybody still reads it.
 ///
 /// # Errors
 /// Standard output cannot be written for another reason than a closed end.
 pub fn show_to_reader(text: &str) -> Result<bool, OutputError> {
     let mut stdout = io::stdout();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout.write_all(printable(text).as_bytes()).and_then(|()| stdout.flush()) {
         Ok(()) => Ok(true),
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
         Err(error) => Err(OutputError::StandardOutput(error)),

@@ -1,9 +1,11 @@
 //! What is wrong with a machine file.
 
-use std::fmt;
+use std::{borrow::Cow, fmt};
 
 /// Number of problems that are shown; a file that is no machine file has one in every line.
 const MAX_SHOWN: usize = 30;
+/// Longest key, and longest text about what was found, characters. Both quote the file, in which a line has any length.
+const LONGEST: usize = 500;
 
 /// One problem of a machine file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -49,14 +51,22 @@ impl fmt::Display for MachineError {
                 write!(f, "{line}:")?;
             }
             if !problem.key.is_empty() {
-                write!(f, " {}:", problem.key)?;
+                write!(f, " {}:", cut(&problem.key))?;
             }
-            write!(f, " found {}; allowed: {}", problem.found, problem.allowed)?;
+            write!(f, " found {}; allowed: {}", cut(&problem.found), problem.allowed)?;
         }
         match self.problems.len().checked_sub(MAX_SHOWN) {
             None | Some(0) => Ok(()),
             Some(more) => write!(f, "\n{}: and {more} more", self.file),
         }
+    }
+}
+
+/// A text of at most [`LONGEST`] characters.
+fn cut(text: &str) -> Cow<'_, str> {
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}..", &text[..end]).into(),
+        None => text.into(),
     }
 }
 

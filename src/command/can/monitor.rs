@@ -208,8 +208,11 @@ impl Monitor {
             counters.malformed
         );
         // A table takes the place of the one before.
-        let clear = if self.is_terminal { "\x1b[H\x1b[J" } else { "" };
-        show(&format!("{clear}{shown}\n{summary}\n"))?;
+        if self.is_terminal {
+            // A terminal that has ended is no failure; `show` passes that over as well.
+            let _ = io::stdout().write_all(b"\x1b[H\x1b[J");
+        }
+        show(&format!("{shown}\n{summary}\n"))?;
         io::stdout().flush().map_err(Failure::run)?;
         for seen in self.seen.values_mut() {
             (seen.count, seen.shortest_ns, seen.longest_ns) = (0, u64::MAX, 0);

@@ -26,6 +26,23 @@ fn an_unknown_key_is_refused_with_those_that_are_known() {
 }
 
 #[test]
+fn a_long_line_of_a_file_is_cut_where_it_is_quoted() {
+    let folder = folder_with(&format!("a={}", "[".repeat(100_000)));
+    let said = refusal(folder.path(), &["check", "m.toml"]);
+    assert!(said.contains("\"a=[[[[") && said.len() < 2000, "{} bytes: {said:.300}", said.len());
+}
+
+#[test]
+fn control_characters_of_a_file_reach_the_terminal_as_escapes() {
+    let named = replaced(EXCAVATOR, "name = \"", "name = \"\\u001b[31m");
+    let said = success(folder_with(&named).path(), &["check", "m.toml"]);
+    assert!(said.contains("\\u{1b}[31m") && !said.contains('\u{1b}'), "{said}");
+    let broken = replaced(&named, "mass = 40e3", "mass = \"\\u001b[2J\"");
+    let said = refusal(folder_with(&broken).path(), &["check", "m.toml"]);
+    assert!(said.contains("found \"\\u{1b}[2J\"") && !said.contains('\u{1b}'), "{said}");
+}
+
+#[test]
 fn an_unknown_table_is_refused() {
     expect_broken("[axis.arm.control]", "[axis.arm.contrl]", "axis.arm.contrl: found an unknown key; allowed: one of");
 }

@@ -322,6 +322,25 @@ fn reset_under_a_pressed_stop_is_refused_at_once_and_works_when_the_stop_is_rele
 }
 
 #[test]
+fn an_axis_without_pilot_pressure_is_told_which_latched_axes_cut_it_off() {
+    let mut played = Played::start("arm-cut-off");
+    played.succeed("arm", &[]);
+    played.succeed("disarm", &["--emergency"]);
+    played.wait_until("the latch", |command| command.axes[1].flags & control_flag::EMERGENCY_STOP != 0);
+    played.succeed("reset", &["--axis", "boom", "--axis", "telescope", "--axis", "bucket"]);
+    let expected = format!(
+        "axis.arm: off (emergency-stop): cuts the pilot pressure of all axes off\nlook at why, then type: hydraxis \
+         reset --prefix {} --axis arm\n",
+        played.group.prefix
+    );
+    let said = played.fail("arm", &["--axis", "boom"]);
+    assert!(said.ends_with(&expected), "{said}");
+    let output = played.run("operate", &["--axis", "boom", "--mode", "hold", "--enable"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.ends_with(&expected), "{said}");
+}
+
+#[test]
 fn operate_shows_what_had_latched_an_axis_that_it_enables_or_switches_off() {
     let mut played = Played::start("operate-latched");
     let hold = ["--axis", "boom", "--mode", "hold", "--leave"];

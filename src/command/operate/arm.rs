@@ -113,13 +113,19 @@ fn refuse_to_arm(axes: &[usize], mode: AxisMode, prefix: &Prefix, operator: &Ope
     )))
 }
 
-/// A line about what to type next for the latched axes; empty when none is latched.
+/// Lines about what to type next for latched axes: for those of `axes`, and for others that keep the pilot pressure of
+/// all axes cut off. Empty when there are none.
 pub(super) fn advice(axes: &[usize], prefix: &Prefix, operator: &Operator) -> String {
-    let latched = latched(axes, operator);
+    let cuts_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.flags & control_flag::CUT_OFF != 0);
+    let others = (0..operator.machine().axis_count as usize).filter(|axis| !axes.contains(axis) && cuts_off(axis));
+    let others: Vec<usize> = others.collect();
+    let latched = [latched(axes, operator), others.clone()].concat();
     if latched.is_empty() {
         return String::new();
     }
-    format!("\nlook at why, then type: {}", typed(operator.machine(), &latched, "reset", prefix))
+    let cut_off = |axis: &usize| format!("\n{}: cuts the pilot pressure of all axes off", operator.state(*axis));
+    let cut_off: String = others.iter().map(cut_off).collect();
+    format!("{cut_off}\nlook at why, then type: {}", typed(operator.machine(), &latched, "reset", prefix))
 }
 
 /// A line with the command to type next for these axes; empty when there are none.

@@ -82,6 +82,33 @@ struct Seen {
     rejected: [u64; REFUSALS.len()],
     error: f64,
     waits: bool,
+    /// Session and number of the newest reference when the axis began to track. None once the axis has followed one, or
+    /// another has come: from then on a reference that is refused is an event.
+    unfed: Option<(u64, u64)>,
+}
+
+impl Seen {
+    /// What a command says of an axis, after `before`. `newest`: session and number of the newest reference.
+    fn of(now: &AxisCommand, waits: bool, newest: (u64, u64), before: Option<&Self>) -> Self {
+        let is_refused = now.flags & control_flag::REFERENCE != 0;
+        let has_followed = now.mode != ControlMode::Neutral as u32 && !is_refused;
+        let tracks = now.operation == AxisMode::Track as u32;
+        let unfed = match before {
+            Some(before) if before.operation == now.operation => before.unfed,
+            _ => tracks.then_some(newest),
+        };
+        let unfed = unfed.filter(|first| !(has_followed || is_refused && *first != newest));
+        Self {
+            latches: now.latches,
+            flags: if unfed.is_some() { now.flags & !control_flag::REFERENCE } else { now.flags },
+            operation: now.operation,
+            mode: now.mode,
+            rejected: now.rejected_snapshots,
+            error: now.error,
+            waits,
+            unfed,
+        }
+    }
 }
 
 /// The events of a group.
@@ -132,17 +159,10 @@ impl Events {
         // The last command of a controller is neutral as well.
         let ends =
             command.inputs.events & command_event::NEUTRAL != 0 && command.inputs.events & command_event::SILENT == 0;
+        let newest = (command.inputs.reference_session, command.inputs.reference_number);
         for i in 0..self.seen.len() {
             let (now, faults) = (&command.axes[i], sample.map_or(0, |sample| sample.axes[i].faults));
-            let after = Seen {
-                latches: now.latches,
-                flags: now.flags,
-                operation: now.operation,
-                mode: now.mode,
-                rejected: now.rejected_snapshots,
-                error: now.error,
-                waits: waits(now) && !ends,
-            };
+            let after = Seen::of(now, waits(now) && !ends, newest, self.seen[i].as_ref());
             let before = self.seen[i].replace(after);
             let first = Seen { operation: now.operation, mode: now.mode, ..Seen::default() };
             if after.waits && !before.is_some_and(|before| before.waits) {
@@ -153,13 +173,14 @@ impl Events {
                 );
                 self.add("wait", Some(i), &text, "it goes on slowly when readings are back", true);
             }
-            self.axis(i, before.unwrap_or(first), now, faults);
+            let before = before.unwrap_or(first);
+            self.axis(i, before, now, after.flags & !before.flags, faults);
         }
     }
 
-    fn axis(&mut self, index: usize, before: Seen, now: &AxisCommand, faults: u32) {
+    /// `came`: the flags that are events if they are among [`WARNINGS`].
+    fn axis(&mut self, index: usize, before: Seen, now: &AxisCommand, came: u32, faults: u32) {
         let name = self.machine.axes[index].name.clone();
-        let came = now.flags & !before.flags;
         let is_latched = now.flags & control_flag::LATCHED != 0;
         // A controller that is started again counts from 0.
         if now.latches > before.latches || (now.latches > 0 && now.latches < before.latches) {
@@ -470,6 +491,26 @@ mod tests {
         let lines = events.lines();
         assert_eq!(lines.len(), 2, "{lines:?}");
         assert!(lines[1].contains("(and 49 more times before)"), "{lines:?}");
+    }
+
+    #[test]
+    fn a_reference_stops_only_after_it_ran_or_is_refused_when_it_comes() {
+        let (refused, tracks) = (control_flag::REFERENCE, AxisMode::Track as u32);
+        let told = |ticks: &[(u32, u32, u64)]| {
+            let mut events = events();
+            for (tick, (operation, flags, number)) in ticks.iter().enumerate() {
+                let mut command = at(tick as u64);
+                (command.axes[0].operation, command.axes[0].flags) = (*operation, *flags);
+                command.axes[0].mode = ControlMode::Fallback as u32;
+                command.inputs.reference_number = *number;
+                events.command(&command, None);
+            }
+            events.lines().iter().filter(|line| line.contains("the reference stopped")).count()
+        };
+        let starts = [(0, 0, 7), (tracks, refused, 7), (tracks, refused, 7), (tracks, 0, 8), (tracks, 0, 9)];
+        assert_eq!(told(&starts), 0, "an axis that tracks before its program sends anything");
+        assert_eq!(told(&[&starts[..], &[(tracks, refused, 9)]].concat()), 1, "a reference that stops");
+        assert_eq!(told(&[(tracks, refused, 7), (tracks, refused, 8)]), 1, "a reference that is refused as it comes");
     }
 
     #[test]

@@ -4,8 +4,8 @@
 //! X,Z[,PITCH[,SPEED]]        as --tip, --pitch and --speed; an empty field is what these options say
 //! ```
 //!
-//! Empty lines, lines that begin with `#`, and a first line with the names of the columns are passed over. A thread of
-//! its own reads the lines, since the axes need a request with every sample while none comes.
+//! Empty lines, lines that begin with `#`, and the names of the columns in the first other line are passed over. A
+//! thread of its own reads the lines, since the axes need a request with every sample while none comes.
 
 use std::{
     io::{BufRead, Read, stdin},
@@ -89,11 +89,12 @@ impl Places {
 
 /// Sends the places of `input`, up to its end or the first line that is none.
 fn read(input: &mut impl BufRead, usual: TeethPlace, sender: &SyncSender<Result<TeethPlace, Failure>>) {
+    let mut may_name = true;
     for number in 1.. {
         let mut line = Vec::new();
         let place = match input.by_ref().take(LONGEST).read_until(b'\n', &mut line) {
             Ok(0) => return,
-            Ok(_) => text_of(&line).and_then(|line| place_of(line, number == 1, usual)).map_err(Failure::usage),
+            Ok(_) => text_of(&line).and_then(|line| place_of(line, &mut may_name, usual)).map_err(Failure::usage),
             Err(error) => Err(Failure::run(error)),
         };
         let place =
@@ -120,11 +121,15 @@ fn text_of(line: &[u8]) -> Result<&str, String> {
     Ok(text)
 }
 
-/// The place of a line; none where it has none.
-fn place_of(line: &str, is_first: bool, usual: TeethPlace) -> Result<Option<TeethPlace>, String> {
+/// The place of a line; none where it has none. `may_name`: the line may name the columns, as no line before it did
+/// that or was a place.
+fn place_of(line: &str, may_name: &mut bool, usual: TeethPlace) -> Result<Option<TeethPlace>, String> {
     let line = line.trim_start_matches('\u{feff}').trim();
+    if line.is_empty() || line.starts_with('#') {
+        return Ok(None);
+    }
     let names = line.replace(' ', "").to_lowercase();
-    if line.is_empty() || line.starts_with('#') || is_first && names.starts_with("x,z") && COLUMNS.starts_with(&names) {
+    if std::mem::take(may_name) && names.starts_with("x,z") && COLUMNS.starts_with(&names) {
         return Ok(None);
     }
     let fields: Vec<&str> = line.split(',').map(str::trim).collect();
@@ -149,7 +154,7 @@ mod tests {
     #[test]
     fn a_line_is_a_place_with_what_the_options_say_where_it_says_nothing() {
         let usual = TeethPlace { pitch: Some(-90.0), ..USUAL };
-        let of = |line| place_of(line, false, usual).unwrap().unwrap();
+        let of = |line| place_of(line, &mut false, usual).unwrap().unwrap();
         assert_eq!(of("6.2, -0.5"), TeethPlace { to: [6.2, -0.5], ..usual });
         assert_eq!(of("6.2,-500mm,-100"), TeethPlace { to: [6.2, -0.5], pitch: Some(-100.0), ..usual });
         assert_eq!(of("6.2,-0.5,,0.3"), TeethPlace { to: [6.2, -0.5], speed: 0.3, ..usual });
@@ -183,8 +188,17 @@ mod tests {
 
     #[test]
     fn names_of_columns_empty_lines_and_remarks_are_no_places() {
-        for (line, is_first) in [("x,z,pitch", true), ("X, Z", true), ("", false), ("  ", true), ("# home", false)] {
-            assert_eq!(place_of(line, is_first, USUAL).unwrap(), None, "{line}");
+        for (line, mut may_name) in [("x,z,pitch", true), ("X, Z", true), ("", false), ("  ", true), ("# home", false)]
+        {
+            assert_eq!(place_of(line, &mut may_name, USUAL).unwrap(), None, "{line}");
+        }
+    }
+
+    #[test]
+    fn the_columns_are_named_before_the_first_place_also_after_remarks() {
+        assert_eq!(sent(b"\xef\xbb\xbf# my places\n\nx,z\n6,0\n"), [Ok(6.0)]);
+        for twice in [&b"x,z\nx,z\n"[..], b"6,0\nx,z\n"] {
+            assert!(sent(twice).last().unwrap().is_err());
         }
     }
 
@@ -198,7 +212,7 @@ mod tests {
             ("6.2,0,inf", "allowed: -360 to 360 degrees"),
             ("6.2,0,-100,0", "allowed: 0.001 to 10 m/s"),
         ] {
-            let error = place_of(line, false, USUAL).unwrap_err();
+            let error = place_of(line, &mut false, USUAL).unwrap_err();
             assert!(error.starts_with(&format!("found \"{line}\"; {allowed}")), "{line}: {error}");
         }
     }

@@ -102,10 +102,29 @@ fn a_setting_of_an_unknown_key_is_refused_with_the_keys_of_its_table() {
         ("axis.crane.stroke", "--set axis.crane: found an unknown key; allowed: one of arm, boom, bucket, telescope"),
         ("axis.boom.reference.sines[9].phase", "--set axis.boom.reference.sines[9]: found an unknown key; allowed:"),
         ("controler", "--set controler: found an unknown key; allowed: one of axis, can, drive, fuzzy,"),
-        ("axis.boom", "--set axis.boom: found an unknown key; allowed: a key of the machine file, not a table"),
+        (
+            "axis.boom.max_speed.high",
+            "--set axis.boom.max_speed.high: found an unknown key; allowed: axis.boom.max_speed, which has no keys",
+        ),
     ] {
         let error = refusal(folder.path(), &check_with(&format!("{key}=3")));
         assert!(error.contains(expected) && error.lines().count() == 1, "{key}: {error}");
+    }
+}
+
+#[test]
+fn one_value_for_a_table_is_no_unknown_key() {
+    let folder = tempfile::tempdir().unwrap();
+    for (setting, key, such) in [
+        ("axis.boom=3", "axis.boom", ", such as axis.boom.stroke"),
+        ("axis.boom.reference={kind=\"hold\"}", "axis.boom.reference", ", such as axis.boom.reference.kind"),
+        ("tip.piece=[]", "tip.piece", ", such as tip.piece[0].to"),
+    ] {
+        let expected = format!(
+            "--set {key}: found one value for a table or a list of tables; allowed: a key inside it{such}; the machine \
+             file takes the whole\n"
+        );
+        expect_refusal(folder.path(), &check_with(setting), &[&expected]);
     }
 }
 

@@ -54,7 +54,7 @@ const ROWS: &[Row] = &[
         &["plant-sim.command: found an empty list", "such as [\""],
     ),
     ("check excavator.toml --set scenario=lunar", &["scenario: found lunar", "allowed: \"nominal\" or \"cold-start\""]),
-    ("check excavator.toml --set axis=5", &["--set axis: found an unknown key; allowed: a key", "not a table"]),
+    ("check excavator.toml --set axis=5", &["--set axis: found one value for a table", "such as axis."]),
     ("check excavator.toml --set name=", &["name: found \"\" (from the command line); allowed: a text that names"]),
     ("check excavator.toml --set drive.kind=non", &["drive.kind: found non", "allowed: \"sim\""]),
     (

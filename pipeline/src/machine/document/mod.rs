@@ -201,10 +201,10 @@ impl<'i> Document<'i> {
             return Err(MachineError { file: file.to_owned(), problems: self.grammar });
         }
         for setting in self.settings.borrow().iter().filter(|setting| !setting.used) {
-            let (key, allowed) = self.unknown(&setting.path);
+            let (key, found, allowed) = self.unknown(&setting.path);
             let (key, found) = match setting.origin {
-                Origin::CommandLine => (format!("--set {key}"), "an unknown key".to_owned()),
-                _ => (key, setting.origin.of("an unknown key".to_owned())),
+                Origin::CommandLine => (format!("--set {key}"), found.to_owned()),
+                _ => (key, setting.origin.of(found.to_owned())),
             };
             // A whole table that is unknown is one problem.
             if !self.problems.borrow().iter().any(|problem| problem.key == key) {
@@ -217,21 +217,31 @@ impl<'i> Document<'i> {
         if problems.is_empty() { Ok(value) } else { Err(MachineError { file: file.to_owned(), problems }) }
     }
 
-    /// The first part of a setting's path that is unknown, and the keys of the table that should have it.
-    fn unknown(&self, path: &str) -> (String, String) {
+    /// The first part of a setting's path that takes no value, what it is, and what is allowed: for an unknown key the
+    /// keys of the table that should have it.
+    fn unknown(&self, path: &str) -> (String, &'static str, String) {
         let tables = self.tables.borrow();
         let below =
             |table: &str| if table.is_empty() { Some(path) } else { path.strip_prefix(table)?.strip_prefix('.') };
         let deepest = tables.iter().filter(|(table, _)| below(table).is_some()).max_by_key(|(table, _)| table.len());
-        let whole = || (path.to_owned(), "a key of the machine file, not a table".to_owned());
+        let entries = self.entries.borrow();
+        let whole = || {
+            let inside = |key: &&str| key.strip_prefix(path).is_some_and(|rest| rest.starts_with(['.', '[']));
+            let first = entries.iter().map(|entry| entry.value.key.as_str()).find(inside);
+            let such = first.map_or(String::new(), |key| format!(", such as {key}"));
+            let allowed = format!("a key inside it{such}; the machine file takes the whole");
+            (path.to_owned(), "one value for a table or a list of tables", allowed)
+        };
         let Some((table, known)) = deepest else { return whole() };
         let rest = below(table).unwrap_or_default();
         let name = rest.split('.').next().unwrap_or_default();
-        if known.iter().any(|known| known == name) {
-            return whole();
+        let unknown = path[..path.len() - rest.len() + name.len()].to_owned();
+        match known.iter().any(|known| known == name) {
+            true if name == rest => return whole(),
+            true => return (path.to_owned(), "an unknown key", format!("{unknown}, which has no keys inside it")),
+            false => {}
         }
         let end = path.rsplit('.').next().unwrap_or_default();
-        let entries = self.entries.borrow();
         let is_inside = |key: &str| table.is_empty() || key.starts_with(&format!("{table}."));
         let has_name = |key: &&str| is_inside(key) && key.rsplit('.').next() == Some(end);
         let others: Vec<&str> = entries.iter().map(|entry| entry.value.key.as_str()).filter(has_name).collect();
@@ -249,8 +259,7 @@ impl<'i> Document<'i> {
             (hint, []) => hint,
             (_, others) => format!("; or {}", others.join(", ")),
         };
-        let unknown = path.len() - rest.len() + name.len();
-        (path[..unknown].to_owned(), format!("one of {}{others}", known.join(", ")))
+        (unknown, "an unknown key", format!("one of {}{others}", known.join(", ")))
     }
 
     /// Every value of the document with its full key and its line, as settings for another document.

@@ -100,9 +100,9 @@ impl<const N: usize> Motion<N> {
                 (speeds[i], accelerations[i]) = (now, av * lacking + aa * before);
             }
         } else {
-            for i in 0..N {
-                ways[i] += *half * (speeds[i] + curve[i]);
-                speeds[i] = curve[i];
+            for ((way, speed), curve) in ways.iter_mut().zip(speeds).zip(curve) {
+                *way += *half * (*speed + curve);
+                *speed = *curve;
             }
             self.stand = is_shut;
         }

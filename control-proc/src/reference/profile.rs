@@ -134,8 +134,8 @@ impl Profile {
     /// Moves on by `ticks`; the reference is `error` m beyond the axis.
     pub fn advance(&mut self, ticks: u64, error: f64) {
         let lag = error * (self.set_point - self.points[self.mean - 1]).signum();
-        // NaN is no lag.
-        self.speed = self.most * (2.0 - 2.0 * lag / self.bound).min(1.0).max(LEAST_PART);
+        let waits = lag > 0.5 * self.bound;
+        self.speed = self.most * if waits { (2.0 - 2.0 * lag / self.bound).max(LEAST_PART) } else { 1.0 };
         // An axis with a longer gap in its samples has been latched long before.
         for _ in 0..ticks.min(MOST_TICKS) {
             if self.stands() {

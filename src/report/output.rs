@@ -199,18 +199,24 @@ impl Write for Kept {
     }
 }
 
-/// `text` with escapes in the place of control characters other than line ends and tabs: a text from a file must not
-/// steer the terminal.
+/// `text` with escapes in the place of control characters other than line ends, tabs and colours: a text from a file
+/// must not steer the terminal.
 pub fn printable(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
-    for sign in text.chars() {
-        if sign.is_control() && !matches!(sign, '\n' | '\t') {
+    for (place, sign) in text.char_indices() {
+        if sign.is_control() && !matches!(sign, '\n' | '\t') && !is_colour(&text[place..]) {
             shown.extend(sign.escape_default());
         } else {
             shown.push(sign);
         }
     }
     shown
+}
+
+/// Whether a text begins with a colour for the terminal.
+fn is_colour(text: &str) -> bool {
+    let numbers = |sign: char| sign.is_ascii_digit() || sign == ';';
+    text.strip_prefix("\x1b[").is_some_and(|rest| rest.trim_start_matches(numbers).starts_with('m'))
 }
 
 /// Writes text to standard output as [`printable`] has it. A reader that has closed its end, such as `head`, is no

@@ -195,7 +195,8 @@ fn stream(
         }
         for (axis, travel) in axes.iter().zip(&mut travels) {
             let sent = operator.last(*axis).map_or(0.0, |last| last.command);
-            travel.update(sample.axes[*axis].usable(), sent, operator.machine().dead_bands[*axis]);
+            let now = sample.header.acquired_ns;
+            travel.update((now, sample.axes[*axis].usable()), sent, operator.machine().dead_bands[*axis]);
         }
         if Instant::now() >= next_line {
             next_line += LINE_PERIOD;

@@ -1,7 +1,8 @@
 //! How far an axis has moved under a manual command, and whether that shows a wrong sign of valve or encoder.
 //!
-//! Only motion while the valve is open shows a sign. A limit or a slow start keeps the command that is sent smaller
-//! than the one that was asked for. Behind a shut valve an axis swings and leaks.
+//! Only motion while the valve has been open for a while shows a sign. A limit or a slow start keeps the command that is
+//! sent smaller than the one that was asked for. Behind a shut valve an axis swings and leaks, and behind one that has
+//! just opened it still does what was commanded before.
 
 /// Least travel that counts as motion, m.
 const MOVED: f64 = 1e-3;
@@ -9,6 +10,9 @@ const MOVED: f64 = 1e-3;
 const SWING: f64 = 5e-3;
 /// How far a command is beyond the dead band of a valve that is surely open.
 const OPEN: f64 = 0.05;
+/// Time for which it has been open before motion counts, ns: a pilot-operated valve reacts within 0.3 s, and a load of
+/// 1 Hz has swung back by then.
+const OPEN_NS: u64 = 700_000_000;
 
 /// The travel of one axis under a command.
 #[derive(Debug, Default)]
@@ -17,18 +21,26 @@ pub struct Travel {
     ends: Option<(f64, f64)>,
     /// Travel while the valve was open for extending, and for retracting, m.
     driven: [f64; 2],
+    /// Since when it is open for extending, and for retracting, ns.
+    open_since: [Option<u64>; 2],
 }
 
 impl Travel {
-    /// Takes in a position (m), if it is usable, and the command that was sent for it. `dead_band`: while extending and
-    /// retracting, as magnitudes.
-    pub fn update(&mut self, position: Option<f64>, sent: f64, dead_band: [f64; 2]) {
+    /// Takes in a position (m) at a time (ns), if it is usable, and the command that was sent for it. `dead_band`: while
+    /// extending and retracting, as magnitudes.
+    pub fn update(&mut self, (now, position): (u64, Option<f64>), sent: f64, dead_band: [f64; 2]) {
+        let is_open = |direction: usize| {
+            let along = if direction == 0 { sent } else { -sent };
+            along >= dead_band[direction] + OPEN
+        };
+        self.open_since = [0, 1].map(|i| is_open(i).then(|| self.open_since[i].unwrap_or(now)));
         let Some(position) = position else { return };
         let (first, last) = self.ends.unwrap_or((position, position));
         self.ends = Some((first, position));
-        let direction = usize::from(sent < 0.0);
-        if sent.abs() >= dead_band[direction] + OPEN {
-            self.driven[direction] += position - last;
+        for (driven, since) in self.driven.iter_mut().zip(self.open_since) {
+            if since.is_some_and(|since| now.saturating_sub(since) >= OPEN_NS) {
+                *driven += position - last;
+            }
         }
     }
 
@@ -54,10 +66,13 @@ impl Travel {
 mod tests {
     use super::*;
 
-    /// What is said of an axis at these positions (mm) with these commands sent, where `command` was asked for.
+    /// What is said of an axis at these positions (mm), a second apart, with these commands sent, where `command` was
+    /// asked for.
     fn judged(command: f64, ticks: &[(f64, f64)]) -> Result<String, String> {
         let mut travel = Travel::default();
-        ticks.iter().for_each(|(position, sent)| travel.update(Some(1e-3 * position), *sent, [0.1, 0.1]));
+        for (second, (position, sent)) in (0..).zip(ticks) {
+            travel.update((1_000_000_000 * second, Some(1e-3 * position)), *sent, [0.1, 0.1]);
+        }
         travel.judged(command)
     }
 
@@ -69,6 +84,9 @@ mod tests {
         assert_eq!(swings.unwrap(), "moved +1.3 mm under the command -1");
         let stands = judged(0.05, &[(500.0, 0.05), (500.4, 0.05)]);
         assert!(stands.unwrap().ends_with("the command may be within the dead band of the valve"));
+        // The load still swings from the last command, against which the valve has just opened.
+        let swings_on = judged(1.0, &[(500.0, -0.6), (500.0, 0.6), (480.0, -0.6), (480.0, 0.6), (460.0, 0.0)]);
+        assert_eq!(swings_on.unwrap(), "moved -40.0 mm under the command +1");
     }
 
     #[test]

@@ -126,7 +126,10 @@ pub enum OperatorError {
         allowed: String,
     },
     /// The controller has disarmed an axis on its way to a mode.
-    #[error("{state}: not {wanted}, it was armed and is not any more: the controller has ended, and starts disarmed")]
+    #[error(
+        "{state}: not {wanted}, it was armed and is not any more: another axis has cut the pilot pressure off, or the \
+         controller has ended, and starts disarmed"
+    )]
     Disarmed {
         /// The state of the axis.
         state: String,

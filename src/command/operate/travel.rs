@@ -1,8 +1,8 @@
 //! How far an axis has moved under a manual command, and whether that shows a wrong sign of valve or encoder.
 //!
-//! Only motion while the valve has been open for a while shows a sign. A limit or a slow start keeps the command that is
-//! sent smaller than the one that was asked for. Behind a shut valve an axis swings and leaks, and behind one that has
-//! just opened it still does what was commanded before.
+//! Only motion while the valve has been open for a while shows a sign. A limit or a slow start keeps the command that
+//! is sent smaller than the one that was asked for. Behind a shut valve an axis swings and leaks, and behind one that
+//! has just opened it still does what was commanded before.
 
 /// Least travel that counts as motion, m.
 const MOVED: f64 = 1e-3;
@@ -26,8 +26,8 @@ pub struct Travel {
 }
 
 impl Travel {
-    /// Takes in a position (m) at a time (ns), if it is usable, and the command that was sent for it. `dead_band`: while
-    /// extending and retracting, as magnitudes.
+    /// Takes in a position (m) at a time (ns), if it is usable, and the command that was sent for it. `dead_band`:
+    /// while extending and retracting, as magnitudes.
     pub fn update(&mut self, (now, position): (u64, Option<f64>), sent: f64, dead_band: [f64; 2]) {
         let is_open = |direction: usize| {
             let along = if direction == 0 { sent } else { -sent };

@@ -14,7 +14,8 @@ use crate::{
 
 use super::{Rows, sheet::Sheet, table::Heading};
 
-/// Samples that wait for their commands.
+/// Samples that wait for their commands, and commands for their samples. Each channel is read by itself, so either may
+/// come first.
 const WAITING: usize = 64;
 /// Numbers of the header before those of the axes: the tick, and the time of its acquisition.
 const OF_HEADER: [&str; 2] = ["header.sequence", "header.acquired_ns"];
@@ -40,6 +41,13 @@ struct Row {
     of_command: Option<Vec<Option<Value>>>,
 }
 
+/// What was commanded before its sample came.
+struct Early {
+    tick: u64,
+    acquired_ns: u64,
+    of_command: Vec<Option<Value>>,
+}
+
 /// The table of all ticks.
 pub(super) struct LoopTable {
     /// Axes that were asked for; none for all.
@@ -53,6 +61,7 @@ pub(super) struct LoopTable {
     /// Tick and time of the acquisition of the first row.
     begin: Option<(u64, u64)>,
     waiting: VecDeque<Row>,
+    early: VecDeque<Early>,
 }
 
 /// Tick, time of the acquisition, and the numbers of the axes.
@@ -73,6 +82,7 @@ impl LoopTable {
             lock_step,
             begin: None,
             waiting: VecDeque::new(),
+            early: VecDeque::new(),
         }
     }
 
@@ -127,22 +137,30 @@ impl Rows for LoopTable {
         if self.axes.is_none() {
             self.choose(axes);
         }
+        // A sensor-proc that starts again may count from 0; the time of the acquisition tells the two apart.
         if message.channel.carries(EncoderSample::CHANNEL) {
             let (tick, acquired_ns, of_sample) = numbers(&mut self.sample, message);
-            self.waiting.push_back(Row { tick, acquired_ns, of_sample, of_command: None });
+            let is_its = |early: &Early| early.tick == tick && early.acquired_ns == acquired_ns;
+            let early = self.early.iter().position(is_its).and_then(|i| self.early.remove(i));
+            let of_command = early.map(|early| early.of_command);
+            self.waiting.push_back(Row { tick, acquired_ns, of_sample, of_command });
             if self.waiting.len() > WAITING {
                 self.write(out)?;
             }
         } else if message.channel.carries(ValveCommand::CHANNEL) {
             let (tick, acquired_ns, of_command) = numbers(&mut self.command, message);
-            // A sensor-proc that starts again may count from 0; the time of the acquisition tells the two apart.
             let is_answered = |row: &&mut Row| row.tick == tick && row.acquired_ns == acquired_ns;
-            if let Some(row) = self.waiting.iter_mut().find(is_answered) {
-                row.of_command = Some(of_command);
+            match self.waiting.iter_mut().find(is_answered) {
+                // A controller repeats a command when a stop comes between two samples; the first one was made of this.
+                Some(row) => row.of_command = row.of_command.take().or(Some(of_command)),
+                None => self.early.push_back(Early { tick, acquired_ns, of_command }),
             }
-            while self.waiting.front().is_some_and(|row| row.of_command.is_some()) {
-                self.write(out)?;
+            if self.early.len() > WAITING {
+                self.early.pop_front();
             }
+        }
+        while self.waiting.front().is_some_and(|row| row.of_command.is_some()) {
+            self.write(out)?;
         }
         Ok(())
     }
@@ -152,5 +170,63 @@ impl Rows for LoopTable {
             self.write(out)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::{
+        command::export::{ExportArguments, TableFile, run},
+        recording::{
+            Facts,
+            file::{Encoded, RecordingFile},
+        },
+    };
+
+    /// A recording of one axis, with a sample for `Ok(tick)`, and for `Err((tick, command))` a command of it.
+    fn recording(path: &Path, messages: &[Result<u64, (u64, f64)>]) {
+        let facts: Facts = [("axes".to_owned(), "boom".to_owned())].into();
+        let mut file = RecordingFile::create(path, &facts, &[], 1_000).unwrap();
+        file.add_channel::<EncoderSample>().unwrap();
+        file.add_channel::<ValveCommand>().unwrap();
+        for (now, message) in (0..).zip(messages) {
+            let encoded = match *message {
+                Ok(tick) => {
+                    let mut sample = EncoderSample::default();
+                    (sample.header.sequence, sample.header.acquired_ns) = (tick, 1_000 * tick);
+                    Encoded::new(now, &sample)
+                }
+                Err((tick, command)) => {
+                    let mut valves = ValveCommand::default();
+                    (valves.header.sequence, valves.header.acquired_ns) = (tick, 1_000 * tick);
+                    valves.axes[0].command = command;
+                    Encoded::new(now, &valves)
+                }
+            };
+            file.write(&encoded).unwrap();
+        }
+        file.finish(&Facts::new()).unwrap();
+    }
+
+    #[test]
+    fn a_command_that_was_read_before_its_sample_or_is_repeated_is_in_the_row_of_its_sample() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, csv) = (folder.path().join("run.mcap"), folder.path().join("run.csv"));
+        let ordered = [Ok(1), Err((1, 0.1)), Err((1, 0.0)), Ok(2), Err((2, 0.2))];
+        let early = [Err((3, 0.3)), Ok(3), Ok(4), Err((5, 0.5)), Err((5, 0.0)), Err((4, 0.4)), Ok(5), Ok(6)];
+        recording(&file, &[&ordered[..], &early[..]].concat());
+        let to = TableFile { csv: Some(csv.clone()), parquet: None };
+        let (channel, axes) = (None, Vec::new());
+        run(&ExportArguments { file, to, channel, axes, from: None, until: None, every: 1, units: false }).unwrap();
+        let text = std::fs::read_to_string(csv).unwrap();
+        let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let headings = lines.next().unwrap();
+        let column = |name: &str| headings.iter().position(|heading| *heading == name).unwrap();
+        let (tick, command) = (column("tick"), column("boom.command"));
+        let rows: Vec<String> = lines.map(|row| format!("{}:{}", row[tick], row[command])).collect();
+        assert_eq!(rows, ["1:0.1", "2:0.2", "3:0.3", "4:0.4", "5:0.5", "6:"]);
     }
 }

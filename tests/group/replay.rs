@@ -212,7 +212,17 @@ impl Copied {
     }
 
     /// Writes the recording with one bit of one message flipped.
-    fn write(&self, file: &Path, message: usize, bit: usize) {
+    fn write_flipped(&self, file: &Path, message: usize, bit: usize) {
+        self.write(file, |i, _, data| {
+            if i == message {
+                data[bit / 8] ^= 1 << (bit % 8);
+            }
+            1
+        });
+    }
+
+    /// Writes the recording. `change` gets index, channel and bytes of each message; it says how often it is written.
+    fn write(&self, file: &Path, change: impl Fn(usize, &str, &mut [u8]) -> usize) {
         let options = WriteOptions::new().compression(None).compression_threads(0).profile("ros2");
         let mut writer: Writer<_> = options.create(BufWriter::new(File::create(file).unwrap())).unwrap();
         let (mut schemas, mut channels) = (HashMap::new(), HashMap::new());
@@ -229,11 +239,9 @@ impl Copied {
                 }
                 Record::Message { header, data } => {
                     let mut data = data.to_vec();
-                    if i == message {
-                        data[bit / 8] ^= 1 << (bit % 8);
-                    }
+                    let times = change(i, &self.topics[&header.channel_id], &mut data);
                     let header = MessageHeader { channel_id: channels[&header.channel_id], ..*header };
-                    writer.write_to_known_channel(&header, &data).unwrap();
+                    (0..times).for_each(|_| writer.write_to_known_channel(&header, &data).unwrap());
                 }
                 Record::Metadata(metadata) => writer.write_metadata(metadata).unwrap(),
                 Record::Attachment { header, data, .. } => {
@@ -267,7 +275,7 @@ fn expect_found(file: &Path, flips: u64) {
         let message = of_channel[dice.below(of_channel.len() as u64) as usize];
         let (channel, data) = copied.data(message);
         let bit = 8 * ENCAPSULATION + dice.below(8 * (data.len() - ENCAPSULATION) as u64) as usize;
-        copied.write(&flipped, message, bit);
+        copied.write_flipped(&flipped, message, bit);
         let report = verify(&flipped);
         let place = format!("{channel}, message {message}, byte {}, bit {}: {report}", bit / 8, bit % 8);
         let difference = &report["difference"];
@@ -310,6 +318,37 @@ fn five_hundred_flipped_bits_in_60_s_are_found_and_named() {
     let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     expect_found(&operated(folder.path(), "flips", "60s"), variable("HYDRAXIS_FLIPS", 500));
+}
+
+/// A replay keeps messages of a few hundred samples. An encoder can be read many times between two samples, and a table
+/// in the place of the plant has no controller whose states could be computed again.
+#[test]
+fn messages_that_a_replay_does_not_use_need_no_room() {
+    /// Copies of each message: 200 ticks of them are more than a replay keeps of a channel.
+    const COPIES: usize = 100;
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path(), &[FOUR_AXES, "--duration", "2s"]);
+    let many = folder.path().join("many.mcap");
+    let repeated = |channels: &'static [&str]| {
+        move |_: usize, of: &str, _: &mut [u8]| if channels.contains(&of) { COPIES } else { 1 }
+    };
+    let replayed = |file: &Path| -> Value {
+        let output = succeed(&["replay", file.to_str().unwrap(), "--json", "-"]);
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    Copied::read(&file).write(&many, repeated(&["encoder-reading", "machine-state"]));
+    let report = replayed(&many);
+    assert_eq!(report["ticks"], 200);
+    assert_eq!(report["axes"], replayed(&file)["axes"]);
+
+    let source = format!("source.file=\"{}\"", file.display());
+    let settings = ["--set", "source.kind=\"replay\"", "--set", &source];
+    let table = folder.path().join("table");
+    fs::create_dir(&table).unwrap();
+    let of_table = recorded(&table, &[&[FOUR_AXES], &settings[..]].concat());
+    Copied::read(&of_table).write(&many, repeated(&["machine-state"]));
+    let report = verify(&many);
+    assert_eq!((&report["identical"], &report["ticks"]), (&true.into(), &200.into()), "{report}");
 }
 
 #[test]

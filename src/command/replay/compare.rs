@@ -11,7 +11,8 @@ use std::{collections::VecDeque, io};
 
 use ident_proc::Identifiers;
 use pipeline::message::{
-    AxisMode, AxisSnapshot, CoefficientSnapshot, ControlMode, EncoderSample, Message, ValveCommand, command_event,
+    AxisMode, AxisSnapshot, CoefficientSnapshot, ControlMode, EncoderReading, EncoderSample, MachineState, Message,
+    Reference, Request, ValveCommand, command_event,
 };
 
 use super::{
@@ -93,8 +94,7 @@ pub fn compare(recorded: &Recorded, arguments: &ReplayArguments) -> Result<Compa
     if let Some(table) = &mut table {
         table.write(header(&names)).map_err(refused)?;
     }
-    let mut feed = Feed::new(Reading::open(&recorded.path)?);
-    feed.fill()?;
+    let mut feed = feed(recorded)?;
     let mut cores = Cores {
         identifiers: Identifiers::new(&machine),
         controller: ReplayedController::new(&machine, recorded.is_lock_step())?,
@@ -137,6 +137,18 @@ pub fn compare(recorded: &Recorded, arguments: &ReplayArguments) -> Result<Compa
         axes: axes.iter().zip(&names).map(|(axis, name)| axis.figures.figures(name)).collect(),
         damage: feed.damage().map(|damage| format!("byte {}: {}", damage.byte, damage.what)),
     })
+}
+
+/// The messages of a recording, without the channels that no core takes.
+fn feed(recorded: &Recorded) -> Result<Feed, Failure> {
+    let mut feed = Feed::new(Reading::open(&recorded.path)?);
+    feed.leave_out(&[EncoderReading::CHANNEL, MachineState::CHANNEL]);
+    feed.fill()?;
+    if !feed.commands.is_exact() {
+        // Such commands do not name the references and requests that they were made with.
+        feed.leave_out(&[Reference::CHANNEL, Request::CHANNEL]);
+    }
+    Ok(feed)
 }
 
 impl Cores {

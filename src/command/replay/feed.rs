@@ -22,8 +22,8 @@ use crate::{
 
 /// Samples that are read ahead: twice those that a channel keeps, so that all other messages of a tick have been read.
 const AHEAD: usize = 512;
-/// Most messages of a channel that are kept. A recording of a run has about as many as samples; others are refused, so
-/// that no file asks for all memory.
+/// Most messages of a channel that are kept. A run has about as many on each channel that a replay uses as samples;
+/// others are refused, so that no file asks for all memory.
 const MOST: usize = 16_384;
 
 /// The messages of one channel that have been read and not been used yet.
@@ -97,6 +97,8 @@ pub struct Feed {
     reading: Reading,
     /// Where messages are compared with their checksums: the channels that need no comparison, as they are computed.
     computed: Option<Vec<&'static str>>,
+    /// The channels whose messages are not kept.
+    unused: Vec<&'static str>,
     /// The first message that is not as it was recorded.
     changed: Option<Difference>,
     is_over: bool,
@@ -122,6 +124,7 @@ impl Feed {
         Self {
             reading,
             computed: None,
+            unused: Vec::new(),
             changed: None,
             is_over: false,
             readings: Queue::default(),
@@ -146,6 +149,11 @@ impl Feed {
             }
         }
         Ok(())
+    }
+
+    /// From now on keeps no messages of `channels`: nobody takes them.
+    pub fn leave_out(&mut self, channels: &[&'static str]) {
+        self.unused.extend(channels);
     }
 
     /// Compares all messages with their checksums, but for those on `computed` channels.
@@ -190,6 +198,7 @@ impl Feed {
             return Ok(());
         }
         match message.channel.name.as_str() {
+            unused if self.unused.contains(&unused) => Ok(()),
             EncoderReading::CHANNEL => self.readings.push(message, MOST),
             EncoderSample::CHANNEL => self.samples.push(message, MOST),
             CoefficientSnapshot::CHANNEL => self.snapshots.push(message, MOST),

@@ -358,7 +358,7 @@ typedef struct HydraxisAxisCommand {
     uint64_t rejected_snapshots[7];
     // Number of plans of the predictive controller that its solver did not solve so far.
     uint64_t unsolved_plans;
-    // Following error since the axis began to follow its reference, m.
+    // Following error over all ticks in which a controller followed the reference, approaches left out, m.
     HydraxisErrorStatistics tracking;
     // Following error over the ticks whose command the predictive controller made, m.
     HydraxisErrorStatistics model_tracking;

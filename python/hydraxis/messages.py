@@ -324,7 +324,7 @@ class AxisCommand(ctypes.Structure):
         ("rejected_snapshots", u64 * 7),
         # Number of plans of the predictive controller that its solver did not solve so far.
         ("unsolved_plans", u64),
-        # Following error since the axis began to follow its reference, m.
+        # Following error over all ticks in which a controller followed the reference, approaches left out, m.
         ("tracking", ErrorStatistics),
         # Following error over the ticks whose command the predictive controller made, m.
         ("model_tracking", ErrorStatistics),

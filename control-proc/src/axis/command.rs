@@ -7,14 +7,14 @@ use pipeline::{
 
 use super::{AxisController, decision::Decision};
 
-/// Statistics of the tracking error since the axis was armed, m.
+/// Statistics of the tracking error, m. They go on when the axis is armed again.
 #[derive(Debug, Clone, Default)]
 pub struct Tracking {
     /// Of all ticks that count.
     pub all: ErrorStatistics,
     /// Of those ticks whose command the model made.
     pub by_model: ErrorStatistics,
-    /// Number of ticks with a slowed reference.
+    /// Number of ticks with a slowed reference since the axis was armed.
     pub slowed: u32,
 }
 

@@ -2,10 +2,7 @@
 
 use pipeline::message::{AxisMode, ControlMode, control_flag};
 
-use super::{
-    AxisController, AxisInput, command::Tracking, decision::Decision, operation::Operation, requests::Accepted,
-    state::State,
-};
+use super::{AxisController, AxisInput, decision::Decision, operation::Operation, requests::Accepted, state::State};
 
 impl AxisController {
     /// Takes in the newest request. Disarms an axis that needs requests, and whose requests have stopped.
@@ -46,7 +43,7 @@ impl AxisController {
             (self.operation.mode, self.operation.set_point) = (mode, set_point);
             // A fault of before is none of an axis that settles; one that stands latches it after its time.
             self.feedback.reset();
-            self.tracking = Tracking::default();
+            self.tracking.slowed = 0;
             self.decision.flags = control_flag::SETTLING;
         }
     }

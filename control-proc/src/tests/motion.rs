@@ -53,6 +53,21 @@ fn the_model_follows_a_sine_clearly_better_than_the_fallback() {
     assert!(model < 0.2 * fallback, "fallback {fallback} m, model {model} m");
 }
 
+#[test]
+fn the_tracking_errors_of_a_run_are_those_of_all_times_that_the_axis_was_armed() {
+    let mut axis = Loop::new(&machine(1), 0.0);
+    let first = axis.run(1000, None)[999].axes[0].tracking;
+    assert_eq!(first.count, 1000 - 20 - 200);
+    axis.controller.disarm();
+    assert_eq!(axis.run(100, None)[99].axes[0].tracking, first, "nobody controls it");
+    axis.controller.arm();
+    let commands = axis.run(1000, Some(actuator()));
+    assert_eq!(commands[219].axes[0].tracking, first, "it settles and approaches its reference");
+    let end = commands[999].axes[0];
+    assert_eq!((end.tracking.count, end.model_tracking.count), (2 * first.count, first.count));
+    assert_eq!(end.tracking.max, first.max, "the model follows better than the fallback has done");
+}
+
 /// Regression: without the noise polynomial one count of the encoder moved the command by the whole rate limit.
 #[test]
 fn the_steps_of_the_encoder_do_not_shake_the_valve() {

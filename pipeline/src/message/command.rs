@@ -29,7 +29,7 @@ shared_struct! {
         pub rejected_snapshots: [u64; REFUSALS.len()],
         /// Number of plans of the predictive controller that its solver did not solve so far.
         pub unsolved_plans: u64,
-        /// Following error since the axis began to follow its reference, m.
+        /// Following error over all ticks in which a controller followed the reference, approaches left out, m.
         pub tracking: ErrorStatistics,
         /// Following error over the ticks whose command the predictive controller made, m.
         pub model_tracking: ErrorStatistics,

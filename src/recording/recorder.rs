@@ -148,8 +148,6 @@ struct Batch {
 /// What was recorded.
 #[derive(Debug, Default)]
 pub struct Recorded {
-    /// Messages that were read.
-    pub messages: u64,
     /// Messages that no file has, by channel.
     pub lost: Counts,
     /// Where they are.
@@ -176,7 +174,6 @@ pub struct Recorder {
     dropped: Counts,
     /// The loop waits for this recorder, which waits for the writer.
     waits: bool,
-    messages: u64,
     last_message: Instant,
 }
 
@@ -218,7 +215,6 @@ impl Recorder {
             writer,
             dropped: Counts::new(),
             waits,
-            messages: 0,
             last_message: now,
         })
     }
@@ -258,16 +254,14 @@ impl Recorder {
     pub fn leave(mut self) -> Ending {
         // What comes last need not find room in the queue: the writer empties it.
         let last = Batch { messages: std::mem::take(&mut self.batch), lost: self.lost() };
-        let messages = self.messages + last.messages.len() as u64;
         let Self { channels, group, queue, writer, .. } = self;
         drop(channels);
         drop(group);
-        Ending { last, messages, queue, writer }
+        Ending { last, queue, writer }
     }
 
     fn hand_on(&mut self) {
         let batch = Batch { messages: std::mem::take(&mut self.batch), lost: self.lost() };
-        self.messages += batch.messages.len() as u64;
         let sent = if self.waits {
             self.queue.send(batch).map_err(|error| TrySendError::Disconnected(error.0))
         } else {
@@ -292,7 +286,6 @@ impl Recorder {
 /// What is left to be written after the end.
 pub struct Ending {
     last: Batch,
-    messages: u64,
     queue: SyncSender<Batch>,
     writer: JoinHandle<Stored>,
 }
@@ -308,7 +301,7 @@ impl Ending {
         for (channel, count) in &stored.refused {
             *lost.entry(channel).or_default() += count;
         }
-        Recorded { messages: self.messages, lost, stored }
+        Recorded { lost, stored }
     }
 }
 

@@ -84,6 +84,8 @@ pub struct Stored {
     pub path: Option<PathBuf>,
     /// Number of files.
     pub files: u64,
+    /// Messages that were written.
+    pub messages: u64,
     /// Messages that the disk has not taken.
     pub refused: Counts,
 }
@@ -100,6 +102,8 @@ pub struct Store {
     last: Option<PathBuf>,
     /// Number of files so far.
     files: u64,
+    /// Messages that were written.
+    written: u64,
     /// Messages that the disk has not taken.
     refused: Counts,
     /// Messages that did not come here.
@@ -125,6 +129,7 @@ impl Store {
             broken: None,
             last: None,
             files: 0,
+            written: 0,
             refused: Counts::new(),
             lost: Counts::new(),
         };
@@ -147,21 +152,23 @@ impl Store {
     pub fn take(&mut self, messages: &[Encoded], lost: Counts) {
         self.lost = lost;
         self.open_again();
-        if let Err(error) = self.write(messages) {
-            if let Some(Open { path, file, .. }) = self.open.take() {
-                file.cut();
-                self.fail(&path, &error);
-            }
-            for message in messages {
-                *self.refused.entry(message.channel).or_default() += 1;
-            }
+        let Err(error) = self.write(messages) else {
+            self.written += messages.len() as u64;
+            return;
+        };
+        if let Some(Open { path, file, .. }) = self.open.take() {
+            file.cut();
+            self.fail(&path, &error);
+        }
+        for message in messages {
+            *self.refused.entry(message.channel).or_default() += 1;
         }
     }
 
     /// Ends the last file.
     pub fn finish(mut self) -> Stored {
         self.close();
-        Stored { path: self.last, files: self.files, refused: self.refused }
+        Stored { path: self.last, files: self.files, messages: self.written, refused: self.refused }
     }
 
     /// Says once that nothing can be written.

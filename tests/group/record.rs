@@ -330,6 +330,8 @@ fn a_table_is_the_same_in_parquet_with_units_and_facts() {
     let run = hydraxis()
         .args(["run", "--duration", "1s", "--no-black-box", "--prefix", &prefix, "--record"])
         .arg(&file)
+    // What no file has is lost, and not recorded too.
+    assert!(said.contains("recording: no file; 0 messages recorded, ") && !said.contains(" 0 lost"), "{said}");
         .output();
     let said = String::from_utf8(run.unwrap().stderr).unwrap();
     assert!(said.contains(" messages recorded, 0 lost"), "{said}");

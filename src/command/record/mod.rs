@@ -176,7 +176,7 @@ fn text(recorded: &Recorded) -> String {
     if recorded.stored.files > 1 {
         text += &format!(", the last of {} files", recorded.stored.files);
     }
-    text += &format!("; {} messages recorded, {} lost\n", recorded.messages, recorded.all_lost());
+    text += &format!("; {} messages recorded, {} lost\n", recorded.stored.messages, recorded.all_lost());
     for (channel, lost) in recorded.lost.iter().filter(|(_, lost)| **lost > 0) {
         text += &format!("warning: {channel}: {lost} lost\n");
     }

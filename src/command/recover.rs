@@ -6,7 +6,11 @@ use clap::Args;
 
 use crate::{
     failure::Failure,
-    recording::{Facts, file::RecordingFile, reading::Reading},
+    recording::{
+        Facts,
+        file::{RecordingFile, cause},
+        reading::Reading,
+    },
     report::output::show,
 };
 
@@ -32,7 +36,7 @@ pub fn run(arguments: &RecoverArguments) -> Result<(), Failure> {
     let mut reading = Reading::open(&arguments.file).map_err(Failure::usage)?;
     let first = reading.next().map_err(Failure::usage)?;
     let at_begin = reading.facts().clone();
-    let failed = |error| Failure::run(error).about(arguments.new.display().to_string());
+    let failed = |error| Failure::run(cause(&error)).about(arguments.new.display().to_string());
     let mut file = RecordingFile::create(&arguments.new, &at_begin, &[], 0).map_err(failed)?;
     let mut channels = BTreeMap::new();
     // Hydraxis writes all channels before the first message; another program may not.

@@ -23,7 +23,7 @@ use pipeline::{
 
 use super::{
     Facts, axes_in, clock_ns, default_folder,
-    file::{Encoded, RecordingFile},
+    file::{Encoded, RecordingFile, cause},
     kept::{self, About, KeptFile, LeftFile},
     tapes::{Messages, SPAN, Strips, Tapes},
 };
@@ -74,9 +74,7 @@ fn write(
     let said = match written {
         Ok(()) => format!("black box: {}: {}", fault.cause, path.display()),
         Err(error) => {
-            // What this error says of itself is that there was one.
-            let error = if let McapError::Io(source) = error { source.to_string() } else { error.to_string() };
-            format!("warning: no black box of \"{}\": {}: {error}", fault.cause, path.display())
+            format!("warning: no black box of \"{}\": {}: {}", fault.cause, path.display(), cause(&error))
         }
     };
     let said = match remove_oldest(folder) {

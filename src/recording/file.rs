@@ -46,6 +46,19 @@ impl Encoded {
     }
 }
 
+/// Why a file cannot be written, without what the library says of every error of the system.
+pub fn cause(error: &McapError) -> String {
+    if let McapError::Io(error) = error { error.to_string() } else { error.to_string() }
+}
+
+/// The error of a file that cannot be created, with what is allowed where there is one already.
+fn only_new(error: io::Error) -> io::Error {
+    match error.kind() {
+        kind @ io::ErrorKind::AlreadyExists => io::Error::new(kind, "found a file; allowed: a new one"),
+        _ => error,
+    }
+}
+
 /// A file that is being written.
 pub struct RecordingFile {
     writer: Writer<BufWriter<File>>,
@@ -64,7 +77,7 @@ impl RecordingFile {
     /// # Errors
     /// The file exists, or it cannot be written.
     pub fn create(path: &Path, facts: &Facts, attached: &[(String, Vec<u8>)], clock_ns: i64) -> McapResult<Self> {
-        let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
+        let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path).map_err(only_new)?;
         // Threads of the compressor would run on the cores of the stages.
         let options = WriteOptions::new().profile("ros2").compression(Some(Compression::Zstd)).compression_threads(0);
         let options = options.library(concat!("hydraxis ", env!("CARGO_PKG_VERSION")));

@@ -25,7 +25,7 @@ use rustix::fs::statvfs;
 
 use super::{
     Counts, Facts, axes_in, clock_ns, controller_state,
-    file::{Encoded, RecordingFile},
+    file::{Encoded, RecordingFile, cause},
     latency::LatencyLog,
 };
 
@@ -259,11 +259,6 @@ impl Store {
         let group = self.contents.facts.get("group").map(String::as_str).unwrap_or_default();
         format!("{}{now}-{group}{}", NAME.0, NAME.1)
     }
-}
-
-/// What the system says, which the error of a file leaves out.
-fn cause(error: &McapError) -> String {
-    if let McapError::Io(error) = error { error.to_string() } else { error.to_string() }
 }
 
 /// The name of the file that goes on after a break, which no file has yet: `run-1.mcap` after `run.mcap`.

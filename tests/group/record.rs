@@ -180,7 +180,10 @@ fn a_killed_recorder_leaves_a_file_that_is_read_as_far_as_it_goes() {
     assert_eq!(whole["attached"], info["attached"]);
     assert_eq!(exported(&clean, &[]), exported(&file, &[]));
     let refused = String::from_utf8(recover().stderr).unwrap();
-    assert!(refused.contains("clean.mcap") && refused.contains("exists"), "{refused}");
+    assert!(refused.contains("clean.mcap: found a file; allowed: a new one"), "{refused}");
+    let again = record(&running, &clean).wait_with_output().unwrap();
+    let refused = String::from_utf8(again.stderr).unwrap();
+    assert!(refused.contains("clean.mcap: found a file; allowed: a new one"), "{refused}");
     running.interrupt();
 }
 

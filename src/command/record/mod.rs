@@ -29,6 +29,7 @@ use crate::{
     },
     recording::{
         Facts, MACHINE, SETTINGS, default_folder,
+        file::cause,
         recorder::{Recorded, Recorder, SNAPSHOTS, SNAPSHOTS_FACT},
         recordings_folder,
         store::{Contents, Place, Store},
@@ -69,8 +70,10 @@ pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     };
     // A run in lock-step waits for its recorder, and does not begin without one.
     let is_part_of_run = arguments.parent.is_some() && !arguments.lockstep;
+    let (Place::File(target) | Place::Folder(target, _)) = &place;
+    let target = target.display().to_string();
     let store = Store::new(place, contents, is_part_of_run, |said| eprintln!("{said}"));
-    let store = store.map_err(|error| Failure::run(error).about("record"))?;
+    let store = store.map_err(|error| Failure::run(cause(&error)).about(target).about("record"))?;
     let path = store.place().display().to_string();
     let mut recorder = Recorder::new(group, axes, snapshot_ticks, store, arguments.lockstep)?;
     if !arguments.lockstep {

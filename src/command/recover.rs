@@ -35,6 +35,12 @@ pub struct RecoverArguments {
 pub fn run(arguments: &RecoverArguments) -> Result<(), Failure> {
     let mut reading = Reading::open(&arguments.file).map_err(Failure::usage)?;
     let first = reading.next().map_err(Failure::usage)?;
+    if let (None, Some(damage)) = (&first, reading.damage()) {
+        let (file, byte, what) = (arguments.file.display(), damage.byte, &damage.what);
+        return Err(Failure::usage(format!(
+            "{file}: found no message that can be read (byte {byte}: {what}); allowed: a recording, or a black box"
+        )));
+    }
     let at_begin = reading.facts().clone();
     let failed = |error| Failure::run(cause(&error)).about(arguments.new.display().to_string());
     let mut file = RecordingFile::create(&arguments.new, &at_begin, &[], 0).map_err(failed)?;

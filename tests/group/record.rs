@@ -188,6 +188,20 @@ fn a_killed_recorder_leaves_a_file_that_is_read_as_far_as_it_goes() {
 }
 
 #[test]
+fn nothing_is_recovered_from_a_file_without_a_message_that_can_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, clean) = (folder.path().join("run.mcap"), folder.path().join("clean.mcap"));
+    for bytes in [&b""[..], b"\x89MCAP0\r\n", b"\x89MCAP0\r\n\x01\xff\xff\xff"] {
+        fs::write(&file, bytes).unwrap();
+        let output = hydraxis().arg("recover").arg(&file).arg(&clean).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains("run.mcap: found no message that can be read"), "{said}");
+        assert!(!clean.exists());
+    }
+}
+
+#[test]
 fn a_full_disk_disturbs_no_stage_and_the_recording_goes_on_when_there_is_room() {
     let _cores = shared();
     in_own_place("record::a_full_disk_disturbs_no_stage_and_the_recording_goes_on_when_there_is_room", |is_private| {
@@ -316,6 +330,8 @@ fn a_run_whose_recordings_cannot_be_written_goes_on_with_one_warning() {
     fs::write(&file, "").unwrap();
     let mut running = recorded_run("run-no-place", &file).0;
     let said = running.interrupt().stderr;
+    // What no file has is lost, and not recorded too.
+    assert!(said.contains("recording: no file; 0 messages recorded, ") && !said.contains(" 0 lost"), "{said}");
     assert_eq!(said.matches("nothing is recorded until it can be written again").count(), 1, "{said}");
     let refused = hydraxis().args(["run", "--record"]).arg(&file).output().unwrap();
     assert_eq!(refused.status.code(), Some(1));
@@ -333,8 +349,6 @@ fn a_table_is_the_same_in_parquet_with_units_and_facts() {
     let run = hydraxis()
         .args(["run", "--duration", "1s", "--no-black-box", "--prefix", &prefix, "--record"])
         .arg(&file)
-    // What no file has is lost, and not recorded too.
-    assert!(said.contains("recording: no file; 0 messages recorded, ") && !said.contains(" 0 lost"), "{said}");
         .output();
     let said = String::from_utf8(run.unwrap().stderr).unwrap();
     assert!(said.contains(" messages recorded, 0 lost"), "{said}");

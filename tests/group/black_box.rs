@@ -144,6 +144,10 @@ fn what_a_killed_supervisor_has_kept_is_written_by_clean_or_by_the_next_run() {
             ("the supervisor was killed", &*running.group.prefix.to_string())
         );
         assert!(commands.len() > 50 && commands[commands.len() - 1] - commands[0] > 1_500_000_000, "{commands:?}");
+        let page = folder.path().join("page.html");
+        let told = hydraxis().arg("report").arg(file).arg("--output").arg(&page).output().unwrap().stdout;
+        let told = String::from_utf8(told).unwrap();
+        assert!(told.contains("Something went wrong") && told.contains(": the supervisor was killed."), "{told}");
     }
 }
 

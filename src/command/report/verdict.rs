@@ -118,6 +118,9 @@ fn stages(story: &Story) -> Vec<String> {
 /// Sentences about what the recording lacks.
 fn recording(story: &Story) -> Vec<String> {
     let mut sentences = Vec::new();
+    if let Some(cause) = story.facts.get("cause") {
+        sentences.push(format!("This is a black box, which a fault has left: {cause}."));
+    }
     if let Some(damage) = &story.damage {
         sentences.push(format!("The recording ends at byte {} before its end: {}.", damage.byte, damage.what));
     }

@@ -32,6 +32,9 @@ pub enum SchemaError {
     /// It is deeper or larger than any message.
     #[error("found more than {MOST_COLUMNS} numbers, {DEEPEST} levels of structs or {MOST_NAMES} bytes of names")]
     Size,
+    /// It has nothing in common with the messages of a channel.
+    #[error("found no field of the messages of this channel")]
+    Foreign,
 }
 
 /// Type of a number.

@@ -34,7 +34,8 @@ impl<M: Message> Decoder<M> {
     /// Of a channel of a recording.
     ///
     /// # Errors
-    /// None for a channel that was read: its schema is sound, and so is today's.
+    /// It has no field of today's messages, as JSON. Else none for a channel that was read: its schema is sound, and so
+    /// is today's.
     pub fn new(channel: &ReadChannel) -> Result<Self, SchemaError> {
         let mut zero = Vec::new();
         cdr::encode(&M::default(), &mut zero);
@@ -48,7 +49,11 @@ impl<M: Message> Decoder<M> {
                 let recorded = recorded.get(column.name.as_str()).copied().filter(|other| column.is_same(other))?;
                 Some((column, recorded.clone()))
             };
-            Some(columns::<M>()?.into_iter().filter_map(matched).collect())
+            let pairs: Vec<(Column, Column)> = columns::<M>()?.into_iter().filter_map(matched).collect();
+            if pairs.is_empty() {
+                return Err(SchemaError::Foreign);
+            }
+            Some(pairs)
         };
         Ok(Self { pairs, zero, of: PhantomData })
     }
@@ -102,5 +107,16 @@ mod tests {
         assert_eq!((message.axes[3].position, message.header.acquired_ns, message.header.number), (0.25, 7, 0));
         bytes.pop();
         assert!(decoder.decode(bytes).is_none());
+    }
+
+    #[test]
+    fn a_message_without_any_field_of_today_is_none_of_this_channel() {
+        for schema in ["", "float64 other\n"] {
+            let columns = if schema.is_empty() { Vec::new() } else { schema::columns(schema).unwrap() };
+            let name = EncoderSample::CHANNEL.to_owned();
+            let (type_name, schema) = (name.clone(), schema.to_owned());
+            let channel = ReadChannel { name, encodings: CDR, type_name, schema, columns };
+            assert_eq!(Decoder::<EncoderSample>::new(&channel).err(), Some(SchemaError::Foreign));
+        }
     }
 }

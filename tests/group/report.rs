@@ -1,7 +1,8 @@
 //! The page about a recorded run.
 
-use std::{fs, path::Path, process::Command};
+use std::{collections::BTreeMap, fs, io::BufWriter, path::Path, process::Command};
 
+use mcap::{Writer, records::MessageHeader};
 use rustix::process::Signal;
 
 use crate::harness::{
@@ -89,6 +90,32 @@ fn a_cut_recording_gives_a_page_that_says_so_and_something_else_gives_none() {
     assert!(text(Some(&*output.stderr)).contains("other.mcap: found no MCAP file"));
     assert!(!folder.path().join("other.html").exists());
 }
+
+/// Regression: messages without a field of ours were messages of zeros, and the run was in order.
+#[test]
+fn channels_of_another_program_under_our_names_are_no_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("other.mcap");
+    for (encoding, schema, message) in [("jsonschema", "{}", "json"), ("ros2msg", "float64 other\n", "cdr")] {
+        let mut writer = Writer::new(BufWriter::new(fs::File::create(&file).unwrap())).unwrap();
+        for name in ["encoder-sample", "valve-command"] {
+            let schema = writer.add_schema(name, encoding, schema.as_bytes()).unwrap();
+            let channel_id = writer.add_channel(schema, name, message, &BTreeMap::new()).unwrap();
+            for sequence in 0..100 {
+                let header = MessageHeader { channel_id, sequence, log_time: 0, publish_time: 0 };
+                writer.write_to_known_channel(&header, b"{\"some\": \"text\"}").unwrap();
+            }
+        }
+        writer.finish().unwrap();
+        drop(writer);
+        let output = report(&file, &[]).output().unwrap();
+        let said = text(Some(&*output.stdout)) + &text(Some(&*output.stderr));
+        assert_eq!(output.status.code(), Some(2), "{message}: {said}");
+        assert!(said.contains("found neither samples nor commands"), "{message}: {said}");
+        assert!(!folder.path().join("other.html").exists());
+    }
+}
+
 /// Regression: a recording in lock-step was as long as the computer had taken for it.
 #[test]
 fn a_run_in_lock_step_has_a_page_with_the_times_of_the_machine() {

@@ -45,7 +45,7 @@ impl<M: Message> Queue<M> {
     /// The message cannot be read, or there are too many.
     pub fn push(&mut self, message: ReadMessage, most: usize) -> Result<(), Failure> {
         if !self.channel.as_ref().is_some_and(|(channel, _)| Rc::ptr_eq(channel, &message.channel)) {
-            let decoder = Decoder::new(&message.channel).map_err(Failure::usage)?;
+            let decoder = Decoder::new(&message.channel).map_err(|error| Failure::usage(error).about(M::CHANNEL))?;
             self.channel = Some((Rc::clone(&message.channel), decoder));
         }
         let decoded = self.channel.as_ref().and_then(|(_, decoder)| decoder.decode(message.bytes));

@@ -148,8 +148,8 @@ impl Story {
     }
 }
 
-/// The messages of one channel.
-struct Channel<M>(Option<Decoder<M>>);
+/// The messages of one channel; none of a channel of another program.
+struct Channel<M>(Option<Option<Decoder<M>>>);
 
 impl<M> Default for Channel<M> {
     fn default() -> Self {
@@ -163,10 +163,8 @@ impl<M: Message> Channel<M> {
         if read.channel.name != M::CHANNEL {
             return None;
         }
-        if self.0.is_none() {
-            self.0 = Decoder::new(&read.channel).ok();
-        }
-        self.0.as_ref()?.decode(read.bytes.clone()).map(|typed| typed.message)
+        let decoder = self.0.get_or_insert_with(|| Decoder::new(&read.channel).ok());
+        decoder.as_ref()?.decode(read.bytes.clone()).map(|typed| typed.message)
     }
 }
 

@@ -399,7 +399,7 @@ typedef struct HydraxisTeethState {
     double z;
     // Pitch of the bucket, from the x axis to the teeth, rad.
     double pitch;
-    // Distance of the teeth from their way, perpendicular to it, m; 0 unless they follow it.
+    // Distance of the teeth from the nearest place of their way, its ends included, m; 0 unless they follow it.
     double error;
     // Pitch minus the planned one, rad; 0 unless the teeth follow their way.
     double pitch_error;

@@ -351,7 +351,7 @@ class TeethState(ctypes.Structure):
         ("z", f64),
         # Pitch of the bucket, from the x axis to the teeth, rad.
         ("pitch", f64),
-        # Distance of the teeth from their way, perpendicular to it, m; 0 unless they follow it.
+        # Distance of the teeth from the nearest place of their way, its ends included, m; 0 unless they follow it.
         ("error", f64),
         # Pitch minus the planned one, rad; 0 unless the teeth follow their way.
         ("pitch_error", f64),

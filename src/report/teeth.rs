@@ -1,11 +1,12 @@
 //! How far the bucket's teeth were from their way.
 //!
 //! ```text
-//! e = distance of the teeth from the way, perpendicular to it          lag = s_planned - s(nearest place)
+//! e = distance of the teeth from the nearest place of the way          lag = s_planned - s(nearest place)
 //! ```
 //!
-//! The teeth are where the true positions of the cylinders put them. The error counts from the begin of the motion to
-//! its planned end; before, the axes come to the begin of the way.
+//! The ends belong to the way, so that overshoot past its end counts. The teeth are where the true positions of the
+//! cylinders put them. The error counts from the begin of the motion to its planned end; before, the axes come to the
+//! begin of the way.
 
 use std::fmt;
 

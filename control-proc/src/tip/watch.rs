@@ -1,7 +1,7 @@
 //! Where the bucket's teeth are, and how far they are from where they should be.
 //!
 //! ```text
-//! e   = distance of the teeth from their way, perpendicular to it
+//! e   = distance of the teeth from the nearest place of their way, its ends included
 //! lag = |tip(y_r) - tip(y)|                           along the way as well
 //! p   = 1 for lag <= L_0,  falling evenly to 0.1 at L_1
 //! ```

@@ -230,7 +230,7 @@ shared_struct! {
         pub z: f64,
         /// Pitch of the bucket, from the x axis to the teeth, rad.
         pub pitch: f64,
-        /// Distance of the teeth from their way, perpendicular to it, m; 0 unless they follow it.
+        /// Distance of the teeth from the nearest place of their way, its ends included, m; 0 unless they follow it.
         pub error: f64,
         /// Pitch minus the planned one, rad; 0 unless the teeth follow their way.
         pub pitch_error: f64,

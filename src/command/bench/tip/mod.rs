@@ -10,7 +10,8 @@
 //!
 //! Each task is planned for the machine under its scenario, with the payload in the bucket, and driven by the
 //! controller that the machine file says and by its fallback. `--without` adds the fallback with single measures
-//! switched off. The error is the distance of the true teeth from the way, perpendicular to it.
+//! switched off. The error is the distance of the true teeth from the nearest place of the way, its ends
+//! included.
 //!
 //! | module | what it holds |
 //! |---|---|

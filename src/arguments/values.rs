@@ -118,6 +118,11 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "allowed: seconds from 1e-9 to 1.6e7, or a duration with its unit such as 20ms".to_owned())
 }
 
+/// A time from a beginning on: 0, or as [`seconds`] has it.
+pub fn time(text: &str) -> Result<Duration, String> {
+    if text.parse() == Ok(0.0) { Ok(Duration::ZERO) } else { seconds(text) }
+}
+
 /// `--forgetting`, the old name of `--estimator`.
 pub fn forgetting(_: &str) -> Result<String, String> {
     Err("allowed: `--estimator`, its new name".to_owned())

@@ -28,7 +28,7 @@ impl<'a> CsvRows<'a> {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn finish(mut self) -> io::Result<()> {
+    pub fn finish(&mut self) -> io::Result<()> {
         unless_closed(self.csv.flush())
     }
 }

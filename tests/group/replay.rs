@@ -5,7 +5,7 @@ use std::{
     fs::{self, File},
     io::BufWriter,
     path::{Path, PathBuf},
-    process::Output,
+    process::{Output, Stdio},
 };
 
 use mcap::{
@@ -302,6 +302,53 @@ fn the_table_of_a_run_in_lock_step_has_the_time_of_the_machine() {
         let [t, tick] = ["t", "tick"].map(|column| row[column].parse::<f64>().unwrap());
         assert!((t - 0.01 * k as f64).abs() < 1e-9 && tick == k as f64, "row {k}: {row:?}");
     }
+}
+
+#[test]
+fn a_table_has_the_axes_that_were_asked_for_and_what_has_none_of_them_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path(), &[FOUR_AXES, "--duration", "1s"]);
+    let export = |options: &[&str]| hydraxis().arg("export").arg(&file).args(options).output().unwrap();
+    for channel in ["controller-state", "valve-command", "encoder-reading"] {
+        let table = rows(&export(&["--channel", channel, "--csv", "-", "--axis", "arm", "--from", "0"]));
+        let has = |axis: &str| table[0].keys().any(|column| column.starts_with(&format!("{axis}.")));
+        assert_eq!(AXIS_NAMES.map(has), [false, true, false, false], "{channel}");
+        assert!(table[0].contains_key("header.sequence"), "{channel}");
+    }
+    let refused = export(&["--channel", "stage-health", "--csv", "-", "--axis", "arm"]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    assert!(said.contains("--axis: found a channel without axes, stage-health; allowed: "), "{said}");
+}
+
+#[test]
+fn an_export_without_a_row_leaves_the_table_of_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path(), &[FOUR_AXES, "--duration", "1s"]);
+    let table = folder.path().join("table");
+    fs::write(&table, "a table").unwrap();
+    for format in ["--csv", "--parquet"] {
+        let mut export = hydraxis();
+        let output =
+            export.arg("export").arg(&file).arg(format).arg(&table).args(["--from", "1000s"]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(1) && said.contains("found no row"), "{format}: {said}");
+        assert_eq!(fs::read_to_string(&table).unwrap(), "a table", "{format}");
+    }
+}
+
+/// As `head` does.
+#[test]
+fn a_reader_that_closes_its_end_ends_an_export_in_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path(), &[FOUR_AXES, "--duration", "2s"]);
+    let mut export = hydraxis();
+    export.arg("export").arg(&file).args(["--channel", "valve-command", "--csv", "-"]);
+    let mut export = export.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(export.stdout.take());
+    let output = export.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && said.is_empty(), "{said}");
 }
 
 #[test]

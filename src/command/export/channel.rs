@@ -3,6 +3,7 @@
 use crate::{
     failure::Failure,
     recording::{
+        controller_state,
         reading::ReadMessage,
         schema::{Column, Kind, Value},
     },
@@ -27,13 +28,32 @@ impl ChannelTable {
 
     /// Name of a column in the table; none for an axis that the machine does not have, or that was not asked for.
     fn name(&self, column: &str, axes: &[String]) -> Option<String> {
-        let arrays = ["axes[", "encoders["];
-        let Some(rest) = arrays.iter().find_map(|array| column.strip_prefix(array)) else {
-            return Some(column.to_owned());
-        };
+        let is_asked = |axis: &String| self.asked.is_empty() || self.asked.contains(axis);
+        let Some((axis, field)) = self.of_axis(column, axes) else { return Some(column.to_owned()) };
+        axis.filter(|axis| is_asked(axis)).map(|axis| format!("{axis}{field}"))
+    }
+
+    /// Axis and field of a column that is of an axis; no axis of one that the machine does not have.
+    fn of_axis<'a>(&self, column: &'a str, axes: &'a [String]) -> Option<(Option<&'a String>, &'a str)> {
+        if self.channel == controller_state::CHANNEL {
+            let of = |axis: &'a String| Some((axis, column.strip_prefix(axis)?));
+            let (axis, field) = axes.iter().filter_map(of).find(|(_, field)| field.starts_with('.'))?;
+            return Some((Some(axis), field));
+        }
+        let rest = ["axes[", "encoders["].iter().find_map(|array| column.strip_prefix(array))?;
         let (index, field) = rest.split_once(']')?;
-        let axis = axes.get(index.parse::<usize>().ok()?)?;
-        (self.asked.is_empty() || self.asked.contains(axis)).then(|| format!("{axis}{field}"))
+        Some((index.parse().ok().and_then(|index: usize| axes.get(index)), field))
+    }
+
+    /// Refuses axes that were asked for of a channel that has none.
+    fn expect_axes(&self, all: &[Column], axes: &[String]) -> Result<(), Failure> {
+        if self.asked.is_empty() || all.iter().any(|column| self.of_axis(&column.name, axes).is_some()) {
+            return Ok(());
+        }
+        let channel = &self.channel;
+        Err(Failure::usage(format!(
+            "--axis: found a channel without axes, {channel}; allowed: this channel without --axis"
+        )))
     }
 }
 
@@ -44,6 +64,7 @@ impl Rows for ChannelTable {
             return Ok(());
         }
         if self.columns.is_empty() {
+            self.expect_axes(&message.channel.columns, axes)?;
             let named = |column: &Column| Some((self.name(&column.name, axes)?, column.clone()));
             self.columns = message.channel.columns.iter().filter_map(named).collect();
         }
@@ -53,7 +74,7 @@ impl Rows for ChannelTable {
             };
             let log_time = Heading::new("log_time", "ns", Kind::Unsigned(8));
             [log_time].into_iter().chain(self.columns.iter().map(of)).collect()
-        })?;
+        });
         let t = message.log_ns.saturating_sub(begin) as f64 * 1e-9;
         out.row(t, || {
             let values = self.columns.iter().map(|(_, column)| column.value(&message.bytes));

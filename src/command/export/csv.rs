@@ -1,14 +1,17 @@
 //! A table as CSV.
 
 use std::{
-    io::Write,
+    io,
     path::{Path, PathBuf},
 };
 
 use crate::{
     failure::Failure,
     recording::{reading::Reading, schema::Value},
-    report::output::{OutputError, create},
+    report::{
+        output::{OutputError, create},
+        rows::CsvRows,
+    },
 };
 
 use super::table::{Heading, Table};
@@ -16,7 +19,7 @@ use super::table::{Heading, Table};
 /// A file, or standard output.
 pub(super) struct CsvTable {
     path: PathBuf,
-    writer: csv::Writer<Box<dyn Write>>,
+    rows: CsvRows<'static>,
     has_units: bool,
 }
 
@@ -24,20 +27,20 @@ impl CsvTable {
     /// `has_units`: the second row has the units.
     pub(super) fn create(path: &Path, has_units: bool) -> Result<Self, Failure> {
         let file = create("--csv", path)?;
-        Ok(Self { path: path.to_owned(), writer: csv::Writer::from_writer(file), has_units })
+        Ok(Self { path: path.to_owned(), rows: CsvRows::new(file), has_units })
     }
 
-    fn written(&self, result: csv::Result<()>) -> Result<(), Failure> {
-        result.map_err(|error| Failure::run(error).about(format!("--csv: {}", self.path.display())))
+    fn written(&self, result: io::Result<()>) -> Result<(), Failure> {
+        Ok(result.map_err(|source| OutputError::Write { option: "--csv", path: self.path.clone(), source })?)
     }
 }
 
 impl Table for CsvTable {
     fn headings(&mut self, headings: &[Heading]) -> Result<(), Failure> {
-        let names = self.writer.write_record(headings.iter().map(|heading| &heading.name));
+        let names = self.rows.write(headings.iter().map(|heading| &heading.name));
         self.written(names)?;
         if self.has_units {
-            let units = self.writer.write_record(headings.iter().map(|heading| heading.unit));
+            let units = self.rows.write(headings.iter().map(|heading| heading.unit));
             self.written(units)?;
         }
         Ok(())
@@ -45,12 +48,12 @@ impl Table for CsvTable {
 
     fn row(&mut self, t: f64, values: &[Option<Value>]) -> Result<(), Failure> {
         let texts = values.iter().map(|value| value.map_or(String::new(), |value| value.to_string()));
-        let row = self.writer.write_record([format!("{t:.9}")].into_iter().chain(texts));
+        let row = self.rows.write([format!("{t:.9}")].into_iter().chain(texts));
         self.written(row)
     }
 
     fn finish(&mut self, _: &Reading) -> Result<(), Failure> {
-        let flushed = self.writer.flush();
-        Ok(flushed.map_err(|source| OutputError::Write { option: "--csv", path: self.path.clone(), source })?)
+        let ended = self.rows.finish();
+        self.written(ended)
     }
 }

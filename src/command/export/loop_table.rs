@@ -103,7 +103,7 @@ impl LoopTable {
     fn write(&mut self, out: &mut Sheet) -> Result<(), Failure> {
         let Some(Row { tick, acquired_ns, of_sample, of_command }) = self.waiting.pop_front() else { return Ok(()) };
         let axes = self.axes.as_deref().unwrap_or_default();
-        out.headings(|| headings(axes))?;
+        out.headings(|| headings(axes));
         let (first, begin_ns) = *self.begin.get_or_insert((tick, acquired_ns));
         let t = match self.lock_step {
             Some(period) => tick.saturating_sub(first) as f64 * period,

@@ -14,7 +14,7 @@ use clap::Args;
 use pipeline::{message::CHANNELS, nearest::did_you_mean};
 
 use crate::{
-    arguments::values::seconds,
+    arguments::values::{seconds, time},
     failure::Failure,
     recording::{
         controller_state, lock_step_period,
@@ -53,7 +53,7 @@ pub struct ExportArguments {
     #[arg(long = "axis", value_name = "NAME")]
     pub axes: Vec<String>,
     /// Begin at this time
-    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    #[arg(long, value_name = "TIME", value_parser = time)]
     pub from: Option<Duration>,
     /// End at this time
     #[arg(long = "to", value_name = "TIME", value_parser = seconds)]

@@ -111,7 +111,8 @@ impl ParquetTable {
         if is_stdout(path) {
             return Err(Failure::usage("--parquet: found -; allowed: a file"));
         }
-        let created = File::create(path);
+        // It keeps what it had until there is a row.
+        let created = File::options().write(true).create(true).truncate(false).open(path);
         let file =
             created.map_err(|source| OutputError::Create { option: "--parquet", path: path.to_owned(), source })?;
         let path = path.to_owned();
@@ -135,6 +136,7 @@ impl ParquetTable {
 
     fn begin(&mut self, headings: &[Heading]) -> Result<(), ParquetError> {
         let Some(file) = self.file.take() else { return Ok(()) };
+        file.set_len(0)?;
         let fields = headings.iter().map(|heading| field(heading).map(Arc::new)).collect::<Result<_, _>>()?;
         let schema = Arc::new(Type::group_type_builder("hydraxis").with_fields(fields).build()?);
         let compression = Compression::ZSTD(ZstdLevel::default());

@@ -1,6 +1,6 @@
 //! The rows that were asked for, into the file that was asked for.
 
-use std::{collections::VecDeque, path::PathBuf};
+use std::path::PathBuf;
 
 use crate::{
     failure::Failure,
@@ -15,6 +15,13 @@ use super::{
     table::{Heading, Table},
 };
 
+/// The headings of a table.
+enum Headings {
+    Unknown,
+    Waiting(Vec<Heading>),
+    Written,
+}
+
 /// The table that was asked for.
 pub(super) struct Sheet {
     path: PathBuf,
@@ -22,7 +29,7 @@ pub(super) struct Sheet {
     from: f64,
     to: f64,
     every: u64,
-    has_headings: bool,
+    headings: Headings,
     /// Rows within the asked times.
     rows: u64,
     written: u64,
@@ -41,20 +48,18 @@ impl Sheet {
             from: arguments.from.map_or(f64::NEG_INFINITY, |from| from.as_secs_f64()),
             to: arguments.until.map_or(f64::INFINITY, |to| to.as_secs_f64()),
             every: arguments.every,
-            has_headings: false,
+            headings: Headings::Unknown,
             rows: 0,
             written: 0,
         })
     }
 
-    /// Writes the headings before the first row. `t` is not among `headings`.
-    pub(super) fn headings(&mut self, headings: impl FnOnce() -> Vec<Heading>) -> Result<(), Failure> {
-        if std::mem::replace(&mut self.has_headings, true) {
-            return Ok(());
+    /// Takes the headings, which are written before the first row: a table without rows takes the place of no other
+    /// one. `t` is not among `headings`.
+    pub(super) fn headings(&mut self, headings: impl FnOnce() -> Vec<Heading>) {
+        if matches!(self.headings, Headings::Unknown) {
+            self.headings = Headings::Waiting([Heading::time()].into_iter().chain(headings()).collect());
         }
-        let mut all = VecDeque::from(headings());
-        all.push_front(Heading::time());
-        self.table.headings(all.make_contiguous())
     }
 
     /// Writes the row of time `t`, s, if it was asked for.
@@ -67,18 +72,21 @@ impl Sheet {
             return Ok(());
         }
         self.written += 1;
+        if let Headings::Waiting(headings) = std::mem::replace(&mut self.headings, Headings::Written) {
+            self.table.headings(&headings)?;
+        }
         self.table.row(t, &values())
     }
 
     /// Ends the file, and says what was written.
     pub(super) fn finish(mut self, reading: &Reading) -> Result<(), Failure> {
-        self.table.finish(reading)?;
         if let Some(damage) = reading.damage() {
             eprintln!("warning: read as far as it goes: byte {}: {}", damage.byte, damage.what);
         }
         if self.written == 0 {
             return Err(Failure::run("found no row: no such message in the recording, or none within --from and --to"));
         }
+        self.table.finish(reading)?;
         if !is_stdout(&self.path) {
             println!("{}: {} rows", self.path.display(), self.written);
         }

@@ -97,7 +97,7 @@ impl<'a> Rows<'a> {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn finish(self) -> io::Result<()> {
+    pub fn finish(mut self) -> io::Result<()> {
         self.csv.finish()
     }
 }

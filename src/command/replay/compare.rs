@@ -126,7 +126,7 @@ pub fn compare(recorded: &Recorded, arguments: &ReplayArguments) -> Result<Compa
         feed.fill()?;
     }
     bar.finish_and_clear();
-    table.map_or(Ok(()), CsvRows::finish).map_err(refused)?;
+    table.as_mut().map_or(Ok(()), CsvRows::finish).map_err(refused)?;
     if ticks == 0 {
         return Err(Failure::usage(format!("{}: found no sample", recorded.path.display())));
     }

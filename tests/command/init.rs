@@ -115,6 +115,19 @@ fn the_bounds_of_what_is_asked_for_have_files_without_problems_too() {
     }
 }
 
+/// Regression: two counts of the encoder, rounded for people, were less than two rounded counts.
+#[test]
+fn a_resolution_of_many_digits_has_a_rest_band_that_is_allowed() {
+    let folder = tempfile::tempdir().unwrap();
+    for resolution in ["0.00027027", "0.00060024", "0.00033335", "0.00049995", "0.00012345678", "0.00013333333"] {
+        init(folder.path(), &[&RIG[..], &["--resolution", resolution]].concat());
+        expect_clean(folder.path(), &[]);
+    }
+    let rig = "--axes c --stroke 1 --bore 120mm --rod 48mm --valve-hz 2 --dead-time 40ms --resolution 0.00027027";
+    init(folder.path(), &rig.split(' ').collect::<Vec<_>>());
+    expect_clean(folder.path(), &[]);
+}
+
 #[test]
 fn a_twin_follows_and_follows_better_when_it_is_commissioned() {
     let folder = tempfile::tempdir().unwrap();

@@ -27,7 +27,8 @@ use pipeline::{MAX_AXES, MAX_NAME, machine::Machine};
 use self::{
     answers::{Answers, Dialogue},
     quantity::{
-        BORE, DEAD_BAND, DEAD_TIME, LOAD, MASS, PERIOD, PRESSURE, RESOLUTION, ROD, SPEED, STROKE, VALVE_HZ, significant,
+        BORE, DEAD_BAND, DEAD_TIME, DIGITS, LOAD, MASS, PERIOD, PRESSURE, RESOLUTION, ROD, SPEED, STROKE, VALVE_HZ,
+        significant,
     },
     rig::Rig,
 };
@@ -251,7 +252,9 @@ fn resolve(arguments: &InitArguments, answers: &mut Answers, rig: &mut Rig, axes
     let default = round(1e-4 * rig.stroke).clamp(*counts.start(), *counts.end());
     let name = rig.name.clone();
     let of = (Some(name.as_str()), axes);
-    rig.resolution = answers.value(&RESOLUTION, arguments.resolution.as_deref(), of, counts, default)?;
+    let resolution = answers.value(&RESOLUTION, arguments.resolution.as_deref(), of, counts, default)?;
+    // What follows from it follows from the number in the file.
+    rig.resolution = significant(resolution, DIGITS);
     Ok(())
 }
 

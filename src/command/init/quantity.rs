@@ -89,6 +89,16 @@ impl Quantity {
     }
 }
 
+/// Significant digits of the numbers in a machine file.
+pub const DIGITS: usize = 4;
+
+/// A positive number rounded up to so many significant digits.
+pub fn significant_or_more(value: f64, digits: usize) -> f64 {
+    let nearest = significant(value, digits);
+    let last_digit = 10f64.powi(value.log10().floor() as i32 + 1 - digits as i32);
+    if nearest < value { significant(value + last_digit, digits) } else { nearest }
+}
+
 /// A number rounded to so many significant digits.
 pub fn significant(value: f64, digits: usize) -> f64 {
     // The shortest decimal number is what a person would write.
@@ -110,5 +120,9 @@ mod tests {
         assert_eq!(BORE.text(0.05), "50 mm");
         assert_eq!(PRESSURE.text(21e6), "210 bar");
         assert_eq!(significant(0.001_963_495_4, 4), 0.001_963);
+        assert_eq!(
+            [1200.4, 1200.6, 1200.0, 0.5406].map(|value| significant_or_more(value, 4)),
+            [1201.0, 1201.0, 1200.0, 0.5406]
+        );
     }
 }

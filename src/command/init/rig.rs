@@ -17,7 +17,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::quantity::significant;
+use super::quantity::{DIGITS, significant, significant_or_more};
 
 /// Pressure of the return line, Pa.
 pub const RETURN_PRESSURE: f64 = 3e5;
@@ -185,7 +185,7 @@ impl Rig {
 
     /// Following error at which the axis rests, m: 2 counts, a quarter of a millimetre at the least.
     pub fn rest_band(&self) -> f64 {
-        (2.0 * self.resolution).max(0.25e-3)
+        significant_or_more(2.0 * self.resolution, DIGITS).max(0.25e-3)
     }
 
     /// Soft limits, m.

@@ -5,14 +5,12 @@ use std::fmt::Write as _;
 use pipeline::machine::quantity;
 
 use super::{
-    quantity::significant,
+    quantity::{DIGITS, significant},
     rig::{BULK_MODULUS, RATED_DROP, RETURN_PRESSURE, Rig, SECOND},
 };
 
 /// Column of the comments.
 const COLUMN: usize = 34;
-/// Significant digits of numbers that follow from others.
-const DIGITS: usize = 4;
 
 /// `--source` of a rig on a CAN bus.
 pub const CAN: &str = "can";

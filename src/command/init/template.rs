@@ -236,7 +236,7 @@ fn cylinder(page: &mut Page, rig: &Rig) {
     page.quantity("static_friction", rig.static_friction(), ("N", "N"), "force from which motion begins");
     page.quantity("stribeck_speed", 0.01, ("mm/s", "m/s"), "speed over which static falls to Coulomb friction");
     page.quantity("bristle_damping", rig.bristle_damping(), ("N s/mm", "N s/m"), "of the friction before it slides");
-    page.number("internal_leakage", 2e-13, "m3/(s Pa), past the piston");
+    page.number("internal_leakage", rig.internal_leakage(), "m3/(s Pa), past the piston, as its circumference");
     page.quantity("end_stop_stiffness", stiffness, ("kN/mm", "N/m"), "of the cylinder's ends");
     page.quantity("end_stop_damping", damping, ("kN s/m", "N s/m"), "of the cylinder's ends");
 }

@@ -194,7 +194,7 @@ impl Write for Kept {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        // A writer of CSV that is dropped flushes what it has not.
+        // Without `begin`: a CSV writer that is dropped flushes, though it has written nothing.
         self.file.flush()
     }
 }

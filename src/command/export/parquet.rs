@@ -136,7 +136,10 @@ impl ParquetTable {
 
     fn begin(&mut self, headings: &[Heading]) -> Result<(), ParquetError> {
         let Some(file) = self.file.take() else { return Ok(()) };
-        file.set_len(0)?;
+        // A device has nothing to empty.
+        if file.metadata()?.is_file() {
+            file.set_len(0)?;
+        }
         let fields = headings.iter().map(|heading| field(heading).map(Arc::new)).collect::<Result<_, _>>()?;
         let schema = Arc::new(Type::group_type_builder("hydraxis").with_fields(fields).build()?);
         let compression = Compression::ZSTD(ZstdLevel::default());

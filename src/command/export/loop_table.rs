@@ -33,19 +33,15 @@ const OF_COMMAND: [(&str, &str, Kind); 5] = [
     ("flags", "", BITS),
 ];
 
+/// Number of a tick, and time of its acquisition, ns. The time tells two of a number apart: a sensor-proc that starts
+/// again may count from 0.
+type Tick = (u64, u64);
+
 /// A row that may wait for its command.
 struct Row {
-    tick: u64,
-    acquired_ns: u64,
+    tick: Tick,
     of_sample: Vec<Option<Value>>,
     of_command: Option<Vec<Option<Value>>>,
-}
-
-/// What was commanded before its sample came.
-struct Early {
-    tick: u64,
-    acquired_ns: u64,
-    of_command: Vec<Option<Value>>,
 }
 
 /// The table of all ticks.
@@ -58,18 +54,19 @@ pub(super) struct LoopTable {
     command: Picked,
     /// Period of the ticks, s, where they are the time of the machine.
     lock_step: Option<f64>,
-    /// Tick and time of the acquisition of the first row.
-    begin: Option<(u64, u64)>,
+    /// That of the first row.
+    begin: Option<Tick>,
     waiting: VecDeque<Row>,
-    early: VecDeque<Early>,
+    /// What was commanded before its sample came.
+    early: VecDeque<(Tick, Vec<Option<Value>>)>,
 }
 
-/// Tick, time of the acquisition, and the numbers of the axes.
-fn numbers(picked: &mut Picked, message: &ReadMessage) -> (u64, u64, Vec<Option<Value>>) {
+/// The tick of a message, and the numbers of the axes.
+fn numbers(picked: &mut Picked, message: &ReadMessage) -> (Tick, Vec<Option<Value>>) {
     let mut values = picked.values(message);
     let mut header = || values.next().flatten().map_or(0, Value::as_u64);
-    let (tick, acquired_ns) = (header(), header());
-    (tick, acquired_ns, values.collect())
+    let tick = (header(), header());
+    (tick, values.collect())
 }
 
 impl LoopTable {
@@ -101,10 +98,11 @@ impl LoopTable {
 
     /// Writes the first row that waits.
     fn write(&mut self, out: &mut Sheet) -> Result<(), Failure> {
-        let Some(Row { tick, acquired_ns, of_sample, of_command }) = self.waiting.pop_front() else { return Ok(()) };
+        let Some(Row { tick, of_sample, of_command }) = self.waiting.pop_front() else { return Ok(()) };
         let axes = self.axes.as_deref().unwrap_or_default();
         out.headings(|| headings(axes));
-        let (first, begin_ns) = *self.begin.get_or_insert((tick, acquired_ns));
+        let (first, begin_ns) = *self.begin.get_or_insert(tick);
+        let (tick, acquired_ns) = tick;
         let t = match self.lock_step {
             Some(period) => tick.saturating_sub(first) as f64 * period,
             None => acquired_ns.saturating_sub(begin_ns) as f64 * 1e-9,
@@ -137,23 +135,19 @@ impl Rows for LoopTable {
         if self.axes.is_none() {
             self.choose(axes);
         }
-        // A sensor-proc that starts again may count from 0; the time of the acquisition tells the two apart.
         if message.channel.carries(EncoderSample::CHANNEL) {
-            let (tick, acquired_ns, of_sample) = numbers(&mut self.sample, message);
-            let is_its = |early: &Early| early.tick == tick && early.acquired_ns == acquired_ns;
-            let early = self.early.iter().position(is_its).and_then(|i| self.early.remove(i));
-            let of_command = early.map(|early| early.of_command);
-            self.waiting.push_back(Row { tick, acquired_ns, of_sample, of_command });
+            let (tick, of_sample) = numbers(&mut self.sample, message);
+            let early = self.early.iter().position(|(of, _)| *of == tick).and_then(|i| self.early.remove(i));
+            self.waiting.push_back(Row { tick, of_sample, of_command: early.map(|(_, of_command)| of_command) });
             if self.waiting.len() > WAITING {
                 self.write(out)?;
             }
         } else if message.channel.carries(ValveCommand::CHANNEL) {
-            let (tick, acquired_ns, of_command) = numbers(&mut self.command, message);
-            let is_answered = |row: &&mut Row| row.tick == tick && row.acquired_ns == acquired_ns;
-            match self.waiting.iter_mut().find(is_answered) {
+            let (tick, of_command) = numbers(&mut self.command, message);
+            match self.waiting.iter_mut().find(|row| row.tick == tick) {
                 // A controller repeats a command when a stop comes between two samples; the first one was made of this.
-                Some(row) => row.of_command = row.of_command.take().or(Some(of_command)),
-                None => self.early.push_back(Early { tick, acquired_ns, of_command }),
+                Some(row) => _ = row.of_command.get_or_insert(of_command),
+                None => self.early.push_back((tick, of_command)),
             }
             if self.early.len() > WAITING {
                 self.early.pop_front();

@@ -34,13 +34,15 @@
 //! The model is fitted on the first two thirds of the motion and judged on the rest: half a second ahead, with the
 //! command, the drift and the start known. How straight the curve is, is decided by that rest: of the weights of its
 //! bends (`STRAIGHTNESSES`) the largest one counts that explains as much of it as the best, within the standard error
-//! of their difference (L. Breiman et al., Classification and Regression Trees, 1984). Loads that overrun the axis are
-//! kept where they explain more of the fitted part and as much of the rest, and so is the `start` of the oil where it
-//! explains clearly more of the fitted part and more of the rest. So far all rows count the same. With t_d, tau, spring
-//! and start of that, dead bands, hysteresis, loads and curve are then searched again on rows with `weights`, which
-//! slow motions decide as well; a hysteresis that shows in them alone is added where it explains clearly more. In the
-//! end all is fitted once more on the whole, in the same order, and the speeds of each direction are brought to the
-//! pace of long motions (`pace`).
+//! of their difference (L. Breiman et al., Classification and Regression Trees, 1984). Few motions tell from which
+//! pull on loads overrun the axis, how late its oil starts (`start`), and what hysteresis that start hides. So whether
+//! they are kept is decided on the whole record: an overrun where it explains more, a start where it explains clearly
+//! more. All but the overrun is then searched once more on the fitted part. So far all rows count the same. With t_d,
+//! tau, spring, start and loads of that, dead bands, hysteresis and curve are then searched again on rows with
+//! `weights`, which slow motions decide as well; a hysteresis that shows in them alone is added where it explains
+//! clearly more. In the end all but the overrun is fitted once more on the whole, in the same order, and the speeds of
+//! each direction are brought to the pace of long motions (`pace`). Where no load was found to overrun the axis, the
+//! largest one of the record is taken to be the least that does (`Seen::overrun`).
 //!
 //! Traps: t_d and tau trade off against each other where the load swings and the model does not; only their sum is
 //! certain. In the model that is written half of the hysteresis is in the dead bands and the spring's delay in the time
@@ -107,7 +109,7 @@ const FIRST_LAG: f64 = 0.1;
 const TIME_STEP: f64 = 0.05;
 const LAG_STEP: f64 = 0.03;
 /// Weights of the bends of a curve, rising.
-const STRAIGHTNESSES: [f64; 4] = [1e-4, 1e-3, 1e-2, 1e-1];
+const STRAIGHTNESSES: [f64; 3] = [1e-3, 1e-2, 1e-1];
 /// How much harder loads pull at most than is needed to overrun an axis, from where its search begins; 0: none does.
 const FIRST_OVERRUNS: [f64; 4] = [0.0, 2.0, 5.0, 15.0];
 /// Searches in a row, each from the end of the one before: a simplex can collapse early.
@@ -150,7 +152,12 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     let (stands, drifts) = (search(false).best()?, search(true).best()?);
     let (is_drifting, best) = if drifts.cost < CLEARLY_BETTER * stands.cost { (true, drifts) } else { (false, stands) };
     let rest = Data { begin: split, end: count, ..data(is_drifting) };
-    let even = search(is_drifting).judged(best, &rest)?.overrun(&rest)?.straightened(&rest)?.started(&rest)?;
+    let even = search(is_drifting)
+        .judged(best, &rest)?
+        .overrun(&rest)?
+        .straightened(&rest)?
+        .started(&rest)?
+        .hysteretic(&rest)?;
     // What is between command and motion is found. The curve is that of slow motions as well, once they have begun.
     let weights = fit::weights(record, even.point.at[0], even.point.at[1].exp());
     let weighted = Data { weights: Some(&weights), ..data(is_drifting) };
@@ -163,6 +170,7 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     let [extend, retract] = pace(&whole.fitted, &model, &beside);
     model.speeds_extend.iter_mut().for_each(|speed| *speed *= extend);
     model.speeds_retract.iter_mut().for_each(|speed| *speed *= retract);
+    model.overrun = seen.overrun(model.overrun);
     (model.fit_percent, model.mass) = (chosen.explained, record.mass);
     Ok(model)
 }
@@ -176,7 +184,7 @@ struct Candidate<'a> {
     squares: Vec<f64>,
 }
 
-impl Candidate<'_> {
+impl<'a> Candidate<'a> {
     /// Whether the difference to `best` may be chance: it is within a standard error.
     fn is_as_good_as(&self, best: &Self) -> bool {
         let count = best.squares.len() as f64;
@@ -188,14 +196,12 @@ impl Candidate<'_> {
         mean <= error || error.is_nan()
     }
 
-    /// With loads that overrun the axis where that explains better, and `rest` as well as without them.
+    /// With loads that overrun the axis where that explains better.
     fn overrun(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
         if self.search.seen.most_overruns().iter().all(|most| *most <= 1.0) {
             return Ok(self);
         }
-        let overrun = self.search.judged(self.search.with_overrun(self.point), rest)?;
-        let is_better = overrun.point.cost < BETTER * self.point.cost && overrun.is_as_good_as(&self);
-        Ok(if is_better { overrun } else { self })
+        self.with(rest, BETTER, Search::with_overrun)
     }
 
     /// The straightest curve that explains `rest` as well as the best one, as far as the record tells.
@@ -216,11 +222,34 @@ impl Candidate<'_> {
         Ok(candidates.swap_remove(straight))
     }
 
-    /// With a start of the oil where that explains clearly more, and more of `rest` as well.
+    /// With a start of the oil where that explains clearly better.
     fn started(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
-        let started = self.search.judged(self.search.with_start(self.point), rest)?;
-        let is_better = started.point.cost < CLEARLY_BETTER * self.point.cost && started.explained > self.explained;
-        Ok(if is_better { started } else { self })
+        self.with(rest, CLEARLY_BETTER, Search::with_start)
+    }
+
+    /// With a hysteresis where that explains better: a start may have hidden it, as a swing does.
+    fn hysteretic(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
+        if self.point.at[4] > 0.0 {
+            return Ok(self);
+        }
+        let better = if self.point.at[5] > 0.0 { BETTER } else { CLEARLY_BETTER };
+        self.with(rest, better, |search, point| search.searched(search.with_some_hysteresis(point)))
+    }
+
+    /// With what `add` adds to the point on the whole record, where the error falls below this part by it. Few motions
+    /// tell that, so a part of the record finds something else, or nothing.
+    fn with(
+        self,
+        rest: &Data<'_>,
+        better: f64,
+        add: impl Fn(&Search<'a>, Point) -> Point,
+    ) -> Result<Self, AnalysisError> {
+        let whole = self.search.to_end(rest.end);
+        let found = add(&whole, self.point);
+        if found.cost >= better * whole.searched(self.point).cost {
+            return Ok(self);
+        }
+        self.search.judged(self.search.searched(found), rest)
     }
 }
 
@@ -251,21 +280,20 @@ fn without_hysteresis(steps: Parameters) -> Parameters {
     steps
 }
 
-/// First steps of a search from this point, with its hysteresis where it has one.
+/// First steps of a search from this point, with its hysteresis and start where it has them. Loads stay.
 fn first_steps(point: &Point) -> Parameters {
     let mut steps = if point.at[4] > 0.0 { FIRST_STEPS } else { without_hysteresis(FIRST_STEPS) };
     if point.at[5] > 0.0 {
         (steps[5], steps[6]) = (0.1 * point.at[5], 0.2 * point.at[6]);
     }
-    (steps[10], steps[11]) = (0.3 * point.at[10], 0.3 * point.at[11]);
     if point.at[9] > 0.0 {
         (steps[7], steps[8], steps[9]) = (TIME_STEP, TIME_STEP, LAG_STEP);
     }
     steps
 }
 
-/// Numbers of the parameters that belong to the curve: dead bands, hysteresis and loads.
-const CURVE: [usize; 5] = [2, 3, 4, 10, 11];
+/// Numbers of the parameters that belong to the curve: dead bands and hysteresis.
+const CURVE: [usize; 3] = [2, 3, 4];
 
 /// First steps of a search of the curve alone.
 fn curve_steps(point: &Point) -> Parameters {
@@ -302,17 +330,25 @@ impl<'a> Search<'a> {
         let begin = |at: &mut Parameters, [extend, retract]: [f64; 2]| {
             (at[7], at[8], at[9]) = (extend, retract, FIRST_LAG);
         };
-        self.with_directions(without, &FIRST_TIMES, begin)
+        self.with_directions(without, &FIRST_TIMES, begin, |_, _| ())
     }
 
     /// The best point with loads that overrun the axis.
     fn with_overrun(&self, without: Point) -> Point {
-        self.with_directions(without, &FIRST_OVERRUNS, |at, parts| (at[10], at[11]) = (parts[0], parts[1]))
+        let begin = |at: &mut Parameters, [extend, retract]: [f64; 2]| (at[10], at[11]) = (extend, retract);
+        let steps = |steps: &mut Parameters, at: &Parameters| (steps[10], steps[11]) = (0.3 * at[10], 0.3 * at[11]);
+        self.with_directions(without, &FIRST_OVERRUNS, begin, steps)
     }
 
     /// The best point with something that differs by direction, of which `first` are the values that the search begins
     /// from. The search without it may have found a dead band that is too wide.
-    fn with_directions(&self, without: Point, first: &[f64], begin: impl Fn(&mut Parameters, [f64; 2])) -> Point {
+    fn with_directions(
+        &self,
+        without: Point,
+        first: &[f64],
+        begin: impl Fn(&mut Parameters, [f64; 2]),
+        steps: impl Fn(&mut Parameters, &Parameters),
+    ) -> Point {
         let mut best = Point { cost: f64::INFINITY, ..without };
         for values in first.iter().flat_map(|extend| first.iter().map(|retract| [*extend, *retract])) {
             for part in [0.0, 0.5, 1.0] {
@@ -324,7 +360,11 @@ impl<'a> Search<'a> {
                 best = if cost < best.cost { Point { at, cost } } else { best };
             }
         }
-        (0..SEARCHES).fold(best, |point, _| self.refined(point, first_steps(&point)))
+        (0..SEARCHES).fold(best, |point, _| {
+            let mut all = first_steps(&point);
+            steps(&mut all, &point.at);
+            self.refined(point, all)
+        })
     }
 
     /// Mean square error of the differences with the best curve of this shape, m2.

@@ -37,6 +37,13 @@ impl Seen {
     pub fn most_overruns(&self) -> [f64; 2] {
         [self.pulls[0] / self.least[0], self.pulls[1] / self.least[1]]
     }
+
+    /// The pulls from which on loads overrun the axis: those that were found, else the largest ones of the record. What
+    /// harder pulls do is not known, and an axis that is faster than its controllers expect is worse than a slower one.
+    pub fn overrun(&self, found: Overrun) -> Overrun {
+        let of = |found: f64, side: usize| found.min(self.pulls[side].max(self.least[side]));
+        Overrun { extend: of(found.extend, 0), retract: of(found.retract, 1) }
+    }
 }
 
 /// Bends of either direction.

@@ -341,7 +341,8 @@ impl<'a> Search<'a> {
     }
 
     /// The best point with something that differs by direction, of which `first` are the values that the search begins
-    /// from. The search without it may have found a dead band that is too wide.
+    /// from, `begin` puts in and `steps` moves at first. The search without it may have found a dead band that is too
+    /// wide.
     fn with_directions(
         &self,
         without: Point,

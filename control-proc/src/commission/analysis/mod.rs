@@ -2,6 +2,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
+//! | `candidate` | what a search has found, and whether more of it is kept |
 //! | `shape` | what the search changes: dead time, lag, dead bands, hysteresis, spring and start |
 //! | `start` | how late the oil starts |
 //! | `spring` | the load on its spring of oil |
@@ -52,6 +53,7 @@
 //! it drift in the direction of most commands. A model without a drift explains that by a dead band that is too narrow
 //! and a curve that begins flat.
 
+mod candidate;
 mod fit;
 mod shape;
 pub mod simplex;
@@ -62,6 +64,7 @@ mod weights;
 use pipeline::machine::{Commissioned, DeadBand};
 
 use super::record::ExperimentRecord;
+use candidate::Candidate;
 pub use fit::modelled;
 use fit::{Beside, Data, pace};
 use shape::{KNOTS, Parameters, Seen, Shape};
@@ -175,84 +178,6 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     Ok(model)
 }
 
-/// The end of a search, and how much of the rest of the record its model explains, percent.
-struct Candidate<'a> {
-    search: Search<'a>,
-    point: Point,
-    explained: f64,
-    /// Square of what it leaves unexplained, in blocks of the rest.
-    squares: Vec<f64>,
-}
-
-impl<'a> Candidate<'a> {
-    /// Whether the difference to `best` may be chance: it is within a standard error.
-    fn is_as_good_as(&self, best: &Self) -> bool {
-        let count = best.squares.len() as f64;
-        let worse: Vec<f64> = self.squares.iter().zip(&best.squares).map(|(own, best)| own - best).collect();
-        let mean = worse.iter().sum::<f64>() / count;
-        let variance = worse.iter().map(|worse| (worse - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        let error = (variance / count).sqrt();
-        // Not a number, of a rest that is too short, is no difference that shows.
-        mean <= error || error.is_nan()
-    }
-
-    /// With loads that overrun the axis where that explains better.
-    fn overrun(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
-        if self.search.seen.most_overruns().iter().all(|most| *most <= 1.0) {
-            return Ok(self);
-        }
-        self.with(rest, BETTER, Search::with_overrun)
-    }
-
-    /// The straightest curve that explains `rest` as well as the best one, as far as the record tells.
-    fn straightened(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
-        let Self { search, point, .. } = self;
-        let with = |straightness: &f64| {
-            let search = Search { fitted: Data { straightness: *straightness, ..search.fitted }, ..search };
-            search.judged(search.searched(point), rest)
-        };
-        let mut candidates = vec![self];
-        for straightness in &STRAIGHTNESSES[1..] {
-            candidates.push(with(straightness)?);
-        }
-        let explained = |i: &usize| candidates[*i].explained;
-        let best = (0..candidates.len()).max_by(|a, b| explained(a).total_cmp(&explained(b))).unwrap_or_default();
-        let is_as_good = |i: &usize| candidates[*i].is_as_good_as(&candidates[best]);
-        let straight = (best..candidates.len()).rev().find(is_as_good).unwrap_or(best);
-        Ok(candidates.swap_remove(straight))
-    }
-
-    /// With a start of the oil where that explains clearly better.
-    fn started(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
-        self.with(rest, CLEARLY_BETTER, Search::with_start)
-    }
-
-    /// With a hysteresis where that explains better: a start may have hidden it, as a swing does.
-    fn hysteretic(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
-        if self.point.at[4] > 0.0 {
-            return Ok(self);
-        }
-        let better = if self.point.at[5] > 0.0 { BETTER } else { CLEARLY_BETTER };
-        self.with(rest, better, |search, point| search.searched(search.with_some_hysteresis(point)))
-    }
-
-    /// With what `add` adds to the point on the whole record, where the error falls below this part by it. Few motions
-    /// tell that, so a part of the record finds something else, or nothing.
-    fn with(
-        self,
-        rest: &Data<'_>,
-        better: f64,
-        add: impl Fn(&Search<'a>, Point) -> Point,
-    ) -> Result<Self, AnalysisError> {
-        let whole = self.search.to_end(rest.end);
-        let found = add(&whole, self.point);
-        if found.cost >= better * whole.searched(self.point).cost {
-            return Ok(self);
-        }
-        self.search.judged(self.search.searched(found), rest)
-    }
-}
-
 /// The sample before which [`FITTED_PART`] of the motion is.
 fn split(record: &ExperimentRecord) -> usize {
     let ahead = ((JUDGED_AHEAD / record.period).round() as usize).max(1);
@@ -330,25 +255,28 @@ impl<'a> Search<'a> {
         let begin = |at: &mut Parameters, [extend, retract]: [f64; 2]| {
             (at[7], at[8], at[9]) = (extend, retract, FIRST_LAG);
         };
-        self.with_directions(without, &FIRST_TIMES, begin, |_, _| ())
+        self.with_directions(without, &FIRST_TIMES, begin, first_steps)
     }
 
     /// The best point with loads that overrun the axis.
     fn with_overrun(&self, without: Point) -> Point {
         let begin = |at: &mut Parameters, [extend, retract]: [f64; 2]| (at[10], at[11]) = (extend, retract);
-        let steps = |steps: &mut Parameters, at: &Parameters| (steps[10], steps[11]) = (0.3 * at[10], 0.3 * at[11]);
+        let steps = |point: &Point| {
+            let mut steps = first_steps(point);
+            (steps[10], steps[11]) = (0.3 * point.at[10], 0.3 * point.at[11]);
+            steps
+        };
         self.with_directions(without, &FIRST_OVERRUNS, begin, steps)
     }
 
-    /// The best point with something that differs by direction, of which `first` are the values that the search begins
-    /// from, `begin` puts in and `steps` moves at first. The search without it may have found a dead band that is too
-    /// wide.
+    /// The best point with something that differs by direction: `begin` puts it in, with `first` as the values that its
+    /// search begins from. The search without it may have found a dead band that is too wide.
     fn with_directions(
         &self,
         without: Point,
         first: &[f64],
         begin: impl Fn(&mut Parameters, [f64; 2]),
-        steps: impl Fn(&mut Parameters, &Parameters),
+        steps: impl Fn(&Point) -> Parameters,
     ) -> Point {
         let mut best = Point { cost: f64::INFINITY, ..without };
         for values in first.iter().flat_map(|extend| first.iter().map(|retract| [*extend, *retract])) {
@@ -361,11 +289,7 @@ impl<'a> Search<'a> {
                 best = if cost < best.cost { Point { at, cost } } else { best };
             }
         }
-        (0..SEARCHES).fold(best, |point, _| {
-            let mut all = first_steps(&point);
-            steps(&mut all, &point.at);
-            self.refined(point, all)
-        })
+        (0..SEARCHES).fold(best, |point, _| self.refined(point, steps(&point)))
     }
 
     /// Mean square error of the differences with the best curve of this shape, m2.

@@ -139,6 +139,11 @@ impl Teeth {
         &self.plan
     }
 
+    /// Whether the planned time has passed.
+    pub fn is_done(&self) -> bool {
+        self.is_done
+    }
+
     /// Takes in a tick and its commands; `way` is [`control_proc::Controller::on_the_way`].
     pub fn observe(&mut self, way: Option<(f64, f64)>, plant: &PlantSim, commands: &[AxisCommand]) {
         let positions: [f64; AXES] = std::array::from_fn(|i| plant.axes()[i].position);

@@ -47,6 +47,8 @@ impl AxisController {
             ticks.1 = 1;
         }
         let status = self.references.update(ticks, position, input.path, input.generator, input.reference);
+        self.fallback.learn(!status.is_approach);
+        self.law.learn(!status.is_approach);
         let reference = self.references.positions()[0];
         let deviation =
             Deviation { elapsed: input.elapsed, error: reference - position, speed: self.references.speed() };

@@ -83,6 +83,13 @@ impl ModelLaw {
         }
     }
 
+    /// Whether the fallback in the shadow learns what its feed-forward lacks from now on.
+    pub fn learn(&mut self, learns: bool) {
+        if let Some(shadow) = &mut self.shadow {
+            shadow.learn(learns);
+        }
+    }
+
     /// Forgets what it knows from one approved model to the next: there has been no model, or no closed loop.
     pub fn interrupt(&mut self) {
         if let Law::Predictive(predictive) = &mut self.law {

@@ -27,7 +27,8 @@
 //! L is what the feed-forward lacks, one number for each direction: a commissioned curve is least exact where it
 //! begins, and dead bands drift. It is learned while the reference moves and acts only then, so that at rest, where an
 //! integral makes an axis with a dead band cycle, the loop is the one without it. T_l is so long that the margins of
-//! the loop hardly change; L_max is [`MOST_LEARNED`].
+//! the loop hardly change; L_max is [`MOST_LEARNED`]. Nothing is learned on the way to a reference that starts elsewhere:
+//! all axes of a machine go there at once, and what the pump cannot give them then is no lack of a curve.
 //!
 //! q keeps the margins of the loop while the axis moves: they hold for the mean slope c'_m of the static curve c, and
 //! the curve of a pilot-operated valve is an S, in its middle much steeper. r is [`SPARED`]: of a straight curve with
@@ -98,6 +99,8 @@ pub struct Fallback {
     dead_band: DeadBand,
     /// Part of kp and ki that is in use.
     gain: f64,
+    /// Whether L changes.
+    learns: bool,
     limits: Limits,
     feedforward: Option<Feedforward>,
     memory: Memory,
@@ -131,6 +134,7 @@ impl Fallback {
             ki_period: control.ki * period,
             learning: learning.map_or(0.0, |model| control.kp * period / learning_time(model, period)),
             gain: 1.0,
+            learns: true,
             dead_band: control.dead_band,
             limits: Limits::new(control, period),
             feedforward: model.map(|model| Feedforward::new(model, control.pump_response, period)),
@@ -173,6 +177,11 @@ impl Fallback {
     /// Uses this part of kp and ki from now on. The command does not jump by more than the change of kp e.
     pub fn scale(&mut self, gain: f64) {
         self.gain = gain;
+    }
+
+    /// Whether what the feed-forward lacks is learned from now on.
+    pub fn learn(&mut self, learns: bool) {
+        self.learns = learns;
     }
 
     /// What is remembered.
@@ -241,8 +250,10 @@ impl Fallback {
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
             self.memory.integrals[now] = self.bounded(integral + part * gain * self.ki_period * error);
-            let learned = self.memory.learned[side] + moving * gain * self.learning * error;
-            self.memory.learned[side] = learned.clamp(-MOST_LEARNED, MOST_LEARNED);
+            if self.learns {
+                let learned = self.memory.learned[side] + moving * gain * self.learning * error;
+                self.memory.learned[side] = learned.clamp(-MOST_LEARNED, MOST_LEARNED);
+            }
         }
         command
     }

@@ -56,6 +56,11 @@ impl Shadow {
         self.fallback.scale(part);
     }
 
+    /// Whether the fallback learns what its feed-forward lacks from now on.
+    pub fn learn(&mut self, learns: bool) {
+        self.fallback.learn(learns);
+    }
+
     /// The axis bears this load from now on.
     pub fn bear(&mut self, load: Load) {
         self.fallback.bear(load);

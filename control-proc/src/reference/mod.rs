@@ -83,6 +83,8 @@ pub struct ReferenceStatus {
     pub is_refused: bool,
     /// The blend is over, or the channel has been taken up: the tracking error counts.
     pub counts: bool,
+    /// The axis tracks, and is on the way to a reference that starts elsewhere.
+    pub is_approach: bool,
     /// The generator goes on more slowly, since an axis cannot give what the references ask for.
     pub is_slowed: bool,
 }
@@ -226,7 +228,7 @@ impl References {
         } else {
             self.profile.advance(elapsed, before - position);
             self.profile.fill(&mut self.positions[..=self.ahead.all]);
-            ReferenceStatus { is_refused: false, counts: false, is_slowed: false }
+            ReferenceStatus { is_refused: false, counts: false, is_approach: false, is_slowed: false }
         };
         self.speed = (self.positions[0] - before) / (elapsed.max(1) as f64 * self.period);
         status
@@ -257,7 +259,7 @@ impl References {
                 channel.hold(positions[0]);
             }
             let (counts, is_slowed) = (channel.has_engaged(), channel.is_on_the_way());
-            return ReferenceStatus { is_refused: !is_accepted, counts, is_slowed };
+            return ReferenceStatus { is_refused: !is_accepted, counts, is_approach: !counts, is_slowed };
         }
         // A reference depends on its time alone, so all but the newest are known from the tick before.
         let is_known = elapsed == 1 && self.ahead.all > 0 && self.filled == Some(path[self.ahead.all - 1]);
@@ -272,7 +274,7 @@ impl References {
             self.positions[i] = self.blend.back.position(*tick, self.blended(*tick, generator));
         }
         let counts = self.blend.is_over(self.blend.ticks(path[0]) * self.period);
-        ReferenceStatus { is_refused: false, counts, is_slowed: path[1] - path[0] < 1.0 }
+        ReferenceStatus { is_refused: false, counts, is_approach: !counts, is_slowed: path[1] - path[0] < 1.0 }
     }
 
     /// y_r(k), y_r(k+1), .. as of the last update, m, as far as the laws of the axis use them.

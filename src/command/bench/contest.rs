@@ -1,6 +1,6 @@
 //! The comparison: its controllers, dead times, scenarios and seeds, and one run of it.
 
-use std::time::Duration;
+use std::{ops::ControlFlow, time::Duration};
 
 use clap::ValueEnum;
 use control_proc::{
@@ -200,7 +200,7 @@ impl Contest {
         // Ticks at which the controller began to command the axes.
         let mut begins = vec![None; machine.axes.len()];
         closed_loop::run(&machine, case.seed, (END / period).round() as u64, |tick| {
-            let Some(plant) = tick.plant else { return Ok(()) };
+            let Some(plant) = tick.plant else { return Ok(ControlFlow::Continue(())) };
             for (index, (result, begin)) in results.iter_mut().zip(&mut begins).enumerate() {
                 let command = &tick.command.axes[index];
                 if command.mode != ControlMode::Neutral as u32 {
@@ -217,7 +217,7 @@ impl Contest {
                 let latch = Latch { time: command.latched_at as f64 * period, causes: command.latched_by };
                 result.latched = is_latched.then_some(latch);
             }
-            Ok(())
+            Ok(ControlFlow::Continue(()))
         })?;
         Ok(results)
     }

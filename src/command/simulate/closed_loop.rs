@@ -4,6 +4,8 @@
 //! plant -> sensor -> identifier (command of the tick before) -> controller (snapshot of the tick before) -> plant
 //! ```
 
+use std::ops::ControlFlow;
+
 use control_proc::Controller;
 use ident_proc::Identifiers;
 use pipeline::{
@@ -31,7 +33,7 @@ pub struct Tick<'a> {
     pub way: Option<(f64, f64)>,
 }
 
-/// Runs `ticks` ticks and shows each of them to `look`. Returns the last messages of the loop.
+/// Runs `ticks` ticks, or fewer where `look` breaks off, and shows each of them to `look`. Returns the last messages of the loop.
 ///
 /// # Errors
 /// The machine cannot be simulated or controlled, or `look` fails.
@@ -39,7 +41,7 @@ pub fn run(
     machine: &Machine,
     seed: u64,
     ticks: u64,
-    mut look: impl FnMut(&Tick<'_>) -> Result<(), Failure>,
+    mut look: impl FnMut(&Tick<'_>) -> Result<ControlFlow<()>, Failure>,
 ) -> Result<LastMessages, Failure> {
     let mut ends = Ends::new(machine, seed)?;
     let mut identifiers = Identifiers::new(machine);
@@ -63,8 +65,11 @@ pub fn run(
                 made
             }
         };
-        look(&Tick { number: tick, plant: ends.plant(), command: &applied, way: controller.on_the_way() })?;
+        let flow = look(&Tick { number: tick, plant: ends.plant(), command: &applied, way: controller.on_the_way() })?;
         command = Some(applied);
+        if flow.is_break() {
+            break;
+        }
     }
     Ok(LastMessages { command, snapshot, health: times.into_health(), ..LastMessages::default() })
 }

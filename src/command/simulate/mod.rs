@@ -9,7 +9,10 @@ mod commands;
 mod open_loop;
 mod recorder;
 
-use std::time::{Duration, Instant};
+use std::{
+    ops::ControlFlow,
+    time::{Duration, Instant},
+};
 
 use humantime::format_duration;
 use pipeline::{
@@ -82,6 +85,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
             }
             _ => Ok(()),
         }
+        .map(ControlFlow::Continue)
     })?;
     progress.finish_and_clear();
     let mut report = LoopReport::new(&machine, &last, Clock::LockStep, started.elapsed().as_secs_f64());

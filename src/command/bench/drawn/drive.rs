@@ -4,6 +4,8 @@
 //! second time with the option that the refusal asks for. The text of the model file that this would write is read as
 //! `--model` reads it. The tasks run under the scenario of the file. Errors are reference minus true position.
 
+use std::ops::ControlFlow;
+
 use control_proc::{
     commission::{Abort, ExperimentOptions},
     trajectory_file::read_references,
@@ -251,7 +253,7 @@ fn watched(machine: &Machine, task: Task) -> Result<Run, Failure> {
     let mut begin = None;
     let mut first_by_model = None;
     closed_loop::run(machine, DRIVING_SEED, (task.end() / period).round() as u64, |tick| {
-        let Some(plant) = tick.plant else { return Ok(()) };
+        let Some(plant) = tick.plant else { return Ok(ControlFlow::Continue(())) };
         let (command, time) = (&tick.command.axes[0], tick.number as f64 * period);
         if command.mode != ControlMode::Neutral as u32 {
             begin.get_or_insert(tick.number);
@@ -265,7 +267,7 @@ fn watched(machine: &Machine, task: Task) -> Result<Run, Failure> {
             run.suspected.get_or_insert(time - first);
         }
         if time < BEGIN {
-            return Ok(());
+            return Ok(ControlFlow::Continue(()));
         }
         let position = plant.axes()[0].position;
         let since = (tick.number - begin.unwrap_or(tick.number)) as f64 * period;
@@ -275,7 +277,7 @@ fn watched(machine: &Machine, task: Task) -> Result<Run, Failure> {
         if task == Task::Hold && time >= WATCHED.0 {
             run.hold.seen.push(error, command.command);
         }
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     })?;
     Ok(run)
 }

@@ -1,6 +1,6 @@
 //! One run of `hydraxis bench tip`.
 
-use std::time::Duration;
+use std::{ops::ControlFlow, time::Duration};
 
 use control_proc::ReferenceError;
 use mechanism::AXES;
@@ -11,7 +11,7 @@ use pipeline::{
 };
 use serde::Serialize;
 
-use super::{super::super::simulate::closed_loop, AROUND, PATIENCE, controller::Controller, drawn::toml};
+use super::{super::super::simulate::closed_loop, AFTER, BEFORE, PATIENCE, controller::Controller, drawn::toml};
 use crate::{
     failure::Failure,
     group::operator,
@@ -94,29 +94,24 @@ impl Case<'_> {
     /// # Errors
     /// The machine cannot be simulated.
     pub fn drive(&self) -> Result<Row, Failure> {
-        let mut machine = self.machine();
+        let machine = self.machine();
         let mut row = Row::of(self, &machine);
         let mut teeth = match Teeth::of(&machine) {
             Ok(teeth) => teeth.ok_or_else(|| Failure::run("found no plan"))?,
             Err(ReferenceError::Tip(error)) => return Ok(Row { refused: Some(error.to_string()), ..row }),
             Err(error) => return Err(Failure::usage(error)),
         };
-        // The machine stands at the begin of the way.
-        for (i, axis) in machine.axes.iter_mut().take(AXES).enumerate() {
-            if let (Some(plant), Some(first)) = (&mut axis.plant, teeth.plan().points(i).first()) {
-                plant.initial_position = first.1;
-            }
-        }
-        let duration = Duration::from_secs_f64(PATIENCE * teeth.plan().duration() + AROUND);
-        let ticks = samples_of(duration, machine.timing.period) as u64;
+        let ticks = |seconds: f64| samples_of(Duration::from_secs_f64(seconds), machine.timing.period) as u64;
+        let (most, mut after) = (ticks(BEFORE + PATIENCE * teeth.plan().duration()), ticks(AFTER));
         let mut latched = vec![0; machine.axes.len()];
-        closed_loop::run(&machine, self.seed, ticks, |tick| {
+        closed_loop::run(&machine, self.seed, most, |tick| {
             if let Some(plant) = tick.plant {
                 teeth.observe(tick.way, plant, &tick.command.axes);
                 row.trace.extend((tick.number % TRACED == 0).then(|| teeth.trace(tick.way, plant)).flatten());
             }
             row.tell_latches(&machine, tick.number, &tick.command.axes, &mut latched);
-            Ok(())
+            after -= u64::from(teeth.is_done());
+            Ok(if after == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
         })?;
         row.take(&teeth, machine.timing.period);
         Ok(row)

@@ -51,9 +51,11 @@ use task::TipTaskKind;
 
 /// Time of the motion in parts of the planned one: teeth that lag behind slow it.
 const PATIENCE: f64 = 1.5;
-/// Time in which the axes settle, come to the begin of the way, and stand after its end, s. The others wait 5 s for an
-/// axis that comes no closer to its begin than some mm.
-const AROUND: f64 = 12.0;
+/// Time in which the axes settle and come to the begin of the way, s: over a whole stroke with half of a slow axis'
+/// speed.
+const BEFORE: f64 = 45.0;
+/// Time for which the machine is watched after the end of the way, s.
+const AFTER: f64 = 3.0;
 
 /// Runs the command.
 pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {

@@ -392,6 +392,7 @@ mod tests {
             openings: vec![0.3, 0.6],
             speeds_extend: vec![speed(0.3), speed(0.6)],
             speeds_retract: vec![-speed(-0.3), -speed(-0.6)],
+            largest_tested: [f64::INFINITY; 2],
             overrun: pipeline::machine::Overrun::NONE,
             mass: f64::INFINITY,
             fit_percent: 99.0,

@@ -58,6 +58,7 @@ pub fn commissioned() -> Commissioned {
         openings: vec![0.1, 0.9],
         speeds_extend: vec![0.06, 0.6],
         speeds_retract: vec![0.07, 0.6],
+        largest_tested: [f64::INFINITY; 2],
         overrun: pipeline::machine::Overrun::NONE,
         mass: f64::INFINITY,
         fit_percent: 100.0,

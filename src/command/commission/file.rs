@@ -110,14 +110,20 @@ fn table(name: &str, hardware: &Hardware, model: &Commissioned) -> String {
         hardware.text,
         dead_band.extend,
         dead_band.retract,
-        load(model)
+        known(model)
     )
 }
 
-/// What is known of the load of an axis, as lines of its table.
-fn load(model: &Commissioned) -> String {
-    let Commissioned { overrun, mass, .. } = *model;
-    let numbers = [("overrun_extend", overrun.extend), ("overrun_retract", overrun.retract), ("mass", mass)];
+/// What is known of the largest commands and of the load of an axis, as lines of its table.
+fn known(model: &Commissioned) -> String {
+    let Commissioned { largest_tested: [extend, retract], overrun, mass, .. } = *model;
+    let numbers = [
+        ("tested_extend", extend),
+        ("tested_retract", retract),
+        ("overrun_extend", overrun.extend),
+        ("overrun_retract", overrun.retract),
+        ("mass", mass),
+    ];
     let known = numbers.into_iter().filter(|(_, value)| value.is_finite());
     known.map(|(key, value)| format!("{key} = {value:?}\n")).collect()
 }
@@ -129,10 +135,11 @@ pub struct ModelFile {
 }
 
 impl ModelFile {
-    /// Checks that the file can be written.
+    /// Checks that the file can be written, before an experiment takes its minutes.
     ///
     /// # Errors
-    /// The file exists and `force` is not set, it is a folder, or its folder does not exist.
+    /// The file exists and `force` is not set, it is a folder, its folder does not exist, or the system refuses to
+    /// write there.
     pub fn new(path: &Path, force: bool) -> Result<Self, ModelFileError> {
         if path.is_dir() {
             return Err(ModelFileError::Folder(path.to_owned()));
@@ -142,8 +149,42 @@ impl ModelFile {
         }
         match path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
             Some(folder) => Err(ModelFileError::NoFolder { path: path.to_owned(), folder: folder.to_owned() }),
-            None => Ok(Self { path: path.to_owned(), force }),
+            None => {
+                let file = Self { path: path.to_owned(), force };
+                file.probe().map_err(|source| ModelFileError::Write { path: file.path.clone(), source })?;
+                Ok(file)
+            }
         }
+    }
+
+    /// Writes and removes the file beside the model file.
+    fn probe(&self) -> io::Result<()> {
+        let Some((_, part)) = self.replaced()? else { return Ok(()) };
+        File::create(&part).and_then(|_| fs::remove_file(&part))
+    }
+
+    /// The file that is written, behind a link, and the one beside it; none for what is no file, as `/dev/stdout`.
+    fn replaced(&self) -> io::Result<Option<(PathBuf, PathBuf)>> {
+        let path = if self.path.exists() { self.path.canonicalize()? } else { self.path.clone() };
+        if path.exists() && !path.is_file() {
+            return Ok(None);
+        }
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".{}.part", std::process::id()));
+        let part = path.with_file_name(name);
+        Ok(Some((path, part)))
+    }
+
+    /// Writes the text beside the file and puts it in its place: a model that was there is lost only to a whole one.
+    fn replace(&self, text: &str) -> io::Result<()> {
+        let Some((path, part)) = self.replaced()? else { return fs::write(&self.path, text) };
+        let written = fs::write(&part, text).and_then(|()| match fs::metadata(&path) {
+            Ok(before) => fs::set_permissions(&part, before.permissions()),
+            Err(_) => Ok(()),
+        });
+        written.and_then(|()| fs::rename(&part, &path)).inspect_err(|_| {
+            let _ = fs::remove_file(&part);
+        })
     }
 
     /// Writes the text.
@@ -153,9 +194,13 @@ impl ModelFile {
     pub fn write(&self, text: &str) -> Result<(), ModelFileError> {
         let path = &self.path;
         let written = if self.force {
-            fs::write(path, text)
+            self.replace(text)
         } else {
-            File::create_new(path).and_then(|mut file| file.write_all(text.as_bytes()))
+            File::create_new(path).and_then(|mut file| file.write_all(text.as_bytes())).inspect_err(|error| {
+                if error.kind() != io::ErrorKind::AlreadyExists {
+                    let _ = fs::remove_file(path);
+                }
+            })
         };
         written.map_err(|source| match source.kind() {
             io::ErrorKind::AlreadyExists => ModelFileError::Exists(path.clone()),

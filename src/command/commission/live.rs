@@ -13,9 +13,10 @@ use pipeline::{
     MAX_AXES,
     channel::Prefix,
     machine::{Commissioned, Machine},
-    message::{AxisMode, EncoderSample, ValveCommand},
+    message::{AxisMode, EncoderSample, ValveCommand, control_flag},
 };
 
+use super::simulated::walled;
 use crate::{
     failure::Failure,
     group::operator::{Operator, OperatorError, board},
@@ -64,6 +65,7 @@ fn commission(
     operator.axis(axis).command = 0.0;
     let mut experiment = Experiment::new(&machine.axes[axis], &machine.timing, options);
     let mut record = Applied::new(axis, machine.timing.period.as_secs_f64());
+    let mut is_walled = false;
     if operator.change(&[axis], AxisMode::Commission)? {
         while experiment.outcome().is_none() {
             let Some(sample) = operator.sample()? else {
@@ -76,6 +78,7 @@ fn commission(
             operator.axis(axis).command = experiment.update(Some(&sample.axes[axis]));
             operator.ask(&sample)?;
             while let Some(command) = operator.command()? {
+                is_walled |= command.axes[axis].flags & control_flag::WALL != 0;
                 record.command(&command);
             }
             if operator.last(axis).is_some_and(|last| last.operation != AxisMode::Commission as u32) {
@@ -93,7 +96,8 @@ fn commission(
     operator.axis(axis).command = 0.0;
     operator.disarm(all)?;
     if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
-        return Err(ended(abort.to_string()));
+        let wall = if is_walled { format!("; {}", walled("a virtual wall")) } else { String::new() };
+        return Err(ended(format!("{abort}{wall}")));
     }
     let positions = record.last;
     let mut record = record.into_record(experiment.record().swing);

@@ -252,11 +252,12 @@ fn tables(found: &[Found], out: &Path) -> String {
         ["axis", "dead time", "time constant", "dead band extending", "retracting", "hysteresis", "fit 0.5 s ahead"];
     let figures = table(&header, found.iter().map(row).collect());
     let curve = |name: &str, model: &Commissioned, sign: f64| {
-        let span = model.openings.last().copied().unwrap_or_default();
+        let (low, high) = model.tested();
         let mut cells = vec![name.to_owned()];
         cells.extend(SHOWN.iter().map(|part| {
-            let beyond = if sign > 0.0 { model.dead_band.extend } else { model.dead_band.retract };
-            let command = sign * (beyond + part * span);
+            let (edge, last) =
+                if sign > 0.0 { (model.dead_band.extend, high) } else { (-model.dead_band.retract, low) };
+            let command = edge + part * (last - edge);
             format!("{command:+.3}: {:+.4} m/s", model.speed(command))
         }));
         cells

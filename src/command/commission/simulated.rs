@@ -1,9 +1,11 @@
 //! The experiment with a simulated machine, one axis after the other, in one process and as fast as the computer
 //! allows.
 
-use control_proc::commission::{
-    Abort, AnalysisError, Experiment, ExperimentOptions, ExperimentRecord, Outcome, Phase, analyse,
+use control_proc::{
+    commission::{Abort, AnalysisError, Experiment, ExperimentOptions, ExperimentRecord, Outcome, Phase, analyse},
+    protection::walls::{Walls, Wanted},
 };
+use mechanism::AXES;
 use pipeline::{
     MAX_AXES,
     machine::{Commissioned, Machine},
@@ -24,9 +26,51 @@ pub enum SimulatedError {
     /// A bound was met.
     #[error("ended, valve neutral: {0}")]
     Aborted(Abort),
+    /// A bound was met after a virtual wall had acted.
+    #[error("ended, valve neutral: {abort}; {}", walled(.wall))]
+    Walled {
+        /// The bound.
+        abort: Abort,
+        /// The wall, as a key of the machine file.
+        wall: &'static str,
+    },
     /// The record has no model.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
+}
+
+/// What a person is told about a virtual wall that has kept the valve neutral.
+pub(super) fn walled(wall: &str) -> String {
+    format!(
+        "{wall} has kept the valve neutral: no part of the machine may pass it. Move the machine away from it, or \
+         commission with a smaller --travel or --speed"
+    )
+}
+
+/// The virtual walls of a machine, and the one that has acted last.
+struct Guard {
+    walls: Walls,
+    acted: Option<&'static str>,
+}
+
+impl Guard {
+    fn of(machine: &Machine) -> Option<Self> {
+        Some(Self { walls: Walls::of(machine)?, acted: None })
+    }
+
+    /// What the walls leave of the command of an axis, with the axes at these positions (m) and speeds (m/s).
+    fn allowed(&mut self, axis: usize, command: f64, motion: &[(f64, f64); AXES]) -> f64 {
+        let wanted = std::array::from_fn(|i| Wanted {
+            command: if i == axis { command } else { 0.0 },
+            motion: Some(motion[i]).filter(|(position, _)| position.is_finite()),
+            is_manual: false,
+        });
+        let Some(allowed) = self.walls.update(&wanted).commands.get(axis).copied() else { return command };
+        if allowed != command {
+            self.acted = self.walls.least_distance(&motion.map(|(position, _)| position)).map(|(wall, _)| wall);
+        }
+        allowed
+    }
 }
 
 /// Commissions the axes with these indices. Each experiment starts with the machine in its first state. `seed` is that
@@ -65,23 +109,39 @@ pub fn commission_axis(
     let mut plant = PlantSim::new(machine, seed)?;
     let mut acquisition = Acquisition::new(machine);
     let mut experiment = Experiment::new(&machine.axes[axis], &machine.timing, options);
+    let mut guard = Guard::of(machine);
     let mut command = ValveCommand::default();
     let mut positions = [f64::NAN; MAX_AXES];
+    let mut applied = Vec::new();
     for tick in 0.. {
         let sample = acquisition.update(tick, Some(&plant.read()));
         positions = sample.axes.each_ref().map(|axis| axis.position);
-        command.axes[axis].command = experiment.update(Some(&sample.axes[axis]));
+        let wanted = experiment.update(Some(&sample.axes[axis]));
         if experiment.outcome().is_some() {
             break;
         }
+        command.axes[axis].command = match &mut guard {
+            Some(guard) => {
+                let speeds = plant.axes();
+                let motion = std::array::from_fn(|i| (positions[i], speeds[i].velocity));
+                guard.allowed(axis, wanted, &motion)
+            }
+            None => wanted,
+        };
+        applied.push(command.axes[axis].command);
         plant.command(&command);
         plant.advance(machine.timing.period);
         show(experiment.phase(), experiment.progress());
     }
     match experiment.outcome() {
-        Some(Outcome::Aborted(abort)) => Err(SimulatedError::Aborted(abort)),
+        Some(Outcome::Aborted(abort)) => match guard.and_then(|guard| guard.acted) {
+            Some(wall) => Err(SimulatedError::Walled { abort, wall }),
+            None => Err(SimulatedError::Aborted(abort)),
+        },
         _ => {
             let mut record = experiment.record().clone();
+            let count = applied.len().min(record.commands.len());
+            record.commands[..count].copy_from_slice(&applied[..count]);
             record.bear(machine, axis, &positions);
             Ok((analyse(&record)?, record))
         }

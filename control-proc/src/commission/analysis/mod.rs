@@ -174,6 +174,7 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     model.speeds_extend.iter_mut().for_each(|speed| *speed *= extend);
     model.speeds_retract.iter_mut().for_each(|speed| *speed *= retract);
     model.overrun = seen.overrun(model.overrun);
+    model.largest_tested = seen.commands;
     (model.fit_percent, model.mass) = (chosen.explained, record.mass);
     Ok(model)
 }
@@ -400,7 +401,7 @@ impl<'a> Search<'a> {
             let from = best.at;
             for i in 1..GRID_STEPS {
                 let mut at = from;
-                sides.iter().for_each(|side| at[*side] = on_grid(self.seen.command, i));
+                sides.iter().for_each(|side| at[*side] = on_grid(self.seen.largest(), i));
                 try_one(at, &mut best);
             }
         }

@@ -15,8 +15,8 @@ pub(super) type Parameters = [f64; 12];
 /// What a record holds at most.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
-    /// Magnitude of a command.
-    pub command: f64,
+    /// Magnitudes of a command while extending and while retracting.
+    pub commands: [f64; 2],
     /// Pull of the load while extending and while retracting, N; 0 where it is not known.
     pub pulls: [f64; 2],
     /// Least pulls that may overrun an axis while it extends and retracts, N.
@@ -27,10 +27,15 @@ impl Seen {
     pub fn of(record: &ExperimentRecord) -> Self {
         let most = |values: &[f64], sign: f64| values.iter().fold(0.0f64, |most, value| most.max(sign * value));
         Self {
-            command: most(&record.commands, 1.0).max(most(&record.commands, -1.0)),
+            commands: [most(&record.commands, 1.0), most(&record.commands, -1.0)],
             pulls: [most(&record.loads, -1.0), most(&record.loads, 1.0)],
             least: record.least_overruns,
         }
+    }
+
+    /// Magnitude of a command of either direction.
+    pub fn largest(&self) -> f64 {
+        self.commands[0].max(self.commands[1])
     }
 
     /// How much harder the load may pull at most than is needed to overrun the axis.
@@ -86,7 +91,7 @@ pub(super) struct Shape {
 impl Shape {
     /// From the parameters and what is in the record; none if the commands never leave the dead bands.
     pub fn of(p: &Parameters, seen: &Seen) -> Option<Self> {
-        let span = seen.command - 0.5 * p[4] - p[2].min(p[3]);
+        let span = seen.largest() - 0.5 * p[4] - p[2].min(p[3]);
         let dead_band = DeadBand { extend: p[2], retract: p[3] };
         // A pull that no load of the record has is none.
         let least = |pull: f64, part: f64| if part > 1.0 { pull / part } else { f64::INFINITY };
@@ -145,6 +150,7 @@ impl Shape {
             speeds_extend: speeds(0)?,
             speeds_retract: speeds(1)?,
             openings,
+            largest_tested: [f64::INFINITY; 2],
             overrun: self.overrun,
             mass: f64::INFINITY,
             fit_percent: f64::NAN,

@@ -124,6 +124,8 @@ pub struct Experiment {
     window: Window,
     watch: Watch,
     found: Found,
+    /// Time in which the pump answers, s.
+    pump_response: f64,
     /// Level of the pulses.
     level: f64,
     phase: Phase,
@@ -160,6 +162,7 @@ impl Experiment {
                 quiet: QUIET_COUNTS * resolution,
                 drift: 0.0,
             },
+            pump_response: axis.control.pump_response,
             level: pulses::PULSE_STEP,
             phase: Phase::Rest,
             step: Step::begin(f64::NAN, 0.0, 0),

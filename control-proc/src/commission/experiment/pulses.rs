@@ -10,6 +10,8 @@ pub(super) const PULSE_STEP: f64 = 0.03;
 const PULSE_RISE: f64 = 0.1;
 /// Length of a pulse, s, and the longest one: in a pulse a part of the speed bound makes a clear motion.
 const PULSE_TIME: (f64, f64) = (0.5, 2.0);
+/// Length of a pulse by the response of the pump, which has to come up to the load's pressure first.
+const PUMP_RESPONSES: f64 = 5.0;
 const PULSE_SPEED: f64 = 0.2;
 /// Wait after the pulses, s: the longest dead time, 0.5 s, and the valve's lag.
 const PULSE_WAIT: f64 = 0.7;
@@ -88,7 +90,8 @@ impl Experiment {
 
     /// Length of a pulse, s.
     fn pulse_time(&self) -> f64 {
-        (self.found.clear / (PULSE_SPEED * self.window.fastest)).clamp(PULSE_TIME.0, PULSE_TIME.1)
+        let clear = self.found.clear / (PULSE_SPEED * self.window.fastest);
+        clear.max(PUMP_RESPONSES * self.pump_response).clamp(PULSE_TIME.0, PULSE_TIME.1)
     }
 
     /// No motion in the direction in place `side` at `level`.

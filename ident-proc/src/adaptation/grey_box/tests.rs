@@ -18,6 +18,7 @@ fn commissioned() -> Commissioned {
         openings: vec![0.05, 0.175, 0.5],
         speeds_extend: vec![0.02, 0.12, 0.4],
         speeds_retract: vec![0.03, 0.14, 0.5],
+        largest_tested: [f64::INFINITY; 2],
         overrun: Overrun::NONE,
         mass: f64::INFINITY,
         fit_percent: 99.0,

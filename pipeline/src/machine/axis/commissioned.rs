@@ -42,6 +42,9 @@ pub struct Commissioned {
     pub speeds_extend: Vec<f64>,
     /// Speeds at the openings while retracting, m/s, rising, as magnitudes.
     pub speeds_retract: Vec<f64>,
+    /// Largest commands that were tested while extending and while retracting, as magnitudes; infinite where they are
+    /// not known: those at the last opening then. The curve beyond them is the line that its bends go on with.
+    pub largest_tested: [f64; 2],
     /// Pull of a load from which on it overruns the axis.
     pub overrun: Overrun,
     /// Mass that moved with the axis, kg; infinite where it is not known.
@@ -117,6 +120,7 @@ impl Commissioned {
             openings,
             speeds_extend,
             speeds_retract,
+            largest_tested: read_largest_tested(&mut section),
             overrun: Overrun::read(&mut section),
             mass: read_mass(&mut section),
             fit_percent: section
@@ -239,7 +243,8 @@ impl Commissioned {
 
     /// The speed that the axis reaches both ways with commands up to `limit`, m/s.
     pub fn reached(&self, limit: f64) -> f64 {
-        self.speed(limit).min(-self.speed(-limit))
+        let (retract, extend) = self.tested_speeds(limit);
+        retract.min(extend)
     }
 
     /// Speed of a spool at position x, m/s: c(x + h/2) or c(x - h/2), as half of the hysteresis is in the dead bands.
@@ -250,7 +255,8 @@ impl Commissioned {
     /// Lowest and highest command at which the curve was measured.
     pub fn tested(&self) -> (f64, f64) {
         let last = self.openings.last().copied().unwrap_or_default();
-        (-self.dead_band.retract - last, self.dead_band.extend + last)
+        let [extend, retract] = self.largest_tested;
+        (-retract.min(self.dead_band.retract + last), extend.min(self.dead_band.extend + last))
     }
 
     /// Largest speeds while retracting, as a magnitude, and extending, m/s, with commands up to `limit`: at most those
@@ -270,6 +276,17 @@ impl Commissioned {
             0.0
         }
     }
+}
+
+fn read_largest_tested(section: &mut Section) -> [f64; 2] {
+    let mut key = |name, meaning| {
+        let key = section.key(name, meaning).rule("dead band and the last opening");
+        key.optional_number(0.0..=1.0, "").unwrap_or(f64::INFINITY)
+    };
+    [
+        key("tested_extend", "Largest command that was tested while extending"),
+        key("tested_retract", "Largest command that was tested while retracting, as a magnitude"),
+    ]
 }
 
 fn read_mass(section: &mut Section) -> f64 {
@@ -315,6 +332,7 @@ mod tests {
             openings: vec![0.1, 0.3],
             speeds_extend: vec![0.05, 0.25],
             speeds_retract: vec![0.04, 0.3],
+            largest_tested: [f64::INFINITY; 2],
             overrun: Overrun::NONE,
             mass: f64::INFINITY,
             fit_percent: 97.0,

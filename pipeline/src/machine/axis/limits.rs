@@ -221,6 +221,7 @@ mod tests {
             openings: vec![0.4],
             speeds_extend: vec![speed],
             speeds_retract: vec![1.1 * speed],
+            largest_tested: [f64::INFINITY; 2],
             overrun: Overrun::NONE,
             mass: f64::INFINITY,
             fit_percent: 99.0,

@@ -198,6 +198,7 @@ mod tests {
             openings: vec![0.5],
             speeds_extend: vec![0.5],
             speeds_retract: vec![0.5],
+            largest_tested: [f64::INFINITY; 2],
             overrun: Overrun::NONE,
             mass: f64::INFINITY,
             fit_percent: 99.0,

@@ -218,7 +218,7 @@ fn reason(error: &SimulatedError) -> &'static str {
     match error {
         SimulatedError::Plant(_) => "plant",
         SimulatedError::Analysis(_) => "analysis",
-        SimulatedError::Aborted(abort) => match abort {
+        SimulatedError::Aborted(abort) | SimulatedError::Walled { abort, .. } => match abort {
             Abort::Stopped => "stopped",
             Abort::Feedback { .. } => "feedback",
             Abort::Start { .. } => "start",

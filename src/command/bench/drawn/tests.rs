@@ -109,6 +109,7 @@ fn right_model(rig: &Rig) -> Commissioned {
         openings: vec![0.05, 0.2, 0.5],
         speeds_extend: vec![0.02, 0.11, 0.3],
         speeds_retract: vec![0.03, 0.12, 0.25],
+        largest_tested: [f64::INFINITY; 2],
         overrun: pipeline::machine::Overrun::NONE,
         mass: f64::INFINITY,
         fit_percent: 95.0,

@@ -10,8 +10,10 @@ const FIRST_OPENING: f64 = 0.015;
 pub(super) const STROKE_TIME: f64 = 0.4;
 /// How long it has to move to say anything of its level, s. One that the window ends earlier is cut.
 const SHORTEST: f64 = 0.2;
-/// How long a stroke waits for motion beyond the reaction that is known, s.
+/// How long a stroke waits for motion beyond the reaction that is known, s, and by the response of the pump, where that
+/// is longer.
 const STROKE_PATIENCE: f64 = 1.0;
+const PUMP_PATIENCE: f64 = 8.0;
 /// Wait after a stroke beyond the reaction that is known, s.
 const STROKE_WAIT: f64 = 0.2;
 /// Time over which a load that swings is watched, s: the period of a swing of 2 Hz.
@@ -62,7 +64,7 @@ impl Experiment {
         let Step { ticks, wanted, neutral_at, moved_at, .. } = self.step;
         if neutral_at.is_none() {
             let is_over = moved_at.is_some_and(|moved| ticks >= moved + self.ticks(STROKE_TIME) + self.rise())
-                || ticks >= self.found.reaction + self.ticks(STROKE_PATIENCE);
+                || ticks >= self.found.reaction + self.ticks(STROKE_PATIENCE.max(PUMP_PATIENCE * self.pump_response));
             let would_leave = !is_over && self.would_leave(position, wanted);
             if !is_over && !would_leave {
                 return Ok(wanted);

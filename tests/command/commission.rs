@@ -7,6 +7,7 @@ use pipeline::machine::model_settings;
 use crate::harness::{
     FOUR_AXES,
     cli::{expect_refusal, run, success},
+    mechanism::EXCAVATOR,
 };
 
 /// The experiment with one axis, no longer than necessary.
@@ -23,6 +24,7 @@ fn a_model_is_found_written_and_read_by_the_other_commands() {
     let text = fs::read_to_string(folder.path().join("model.toml")).unwrap();
     assert!(text.starts_with("# Found by `hydraxis commission` on \"four-axis excavator\""), "{text}");
     assert!(text.contains("\n[axis.bucket.commissioned]\n") && !text.contains("[axis.boom"), "{text}");
+    assert!(text.contains("\ntested_extend = ") && text.contains("\ntested_retract = "), "{text}");
     success(folder.path(), &["check", FOUR_AXES, "--model", "model.toml"]);
     success(folder.path(), &["simulate", FOUR_AXES, "--duration", "1s", "--model", "model.toml"]);
 
@@ -124,6 +126,23 @@ fn an_experiment_that_ends_early_says_why_and_writes_nothing() {
         }
         assert!(output.stdout.is_empty() && !folder.path().join("model.toml").exists());
     }
+}
+
+/// The machine starts beyond the wall: commands that lead further are neutral.
+#[test]
+fn a_virtual_wall_stops_an_experiment_and_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let walls = "\n[walls]\ndepth = 0.3\nclearance = 0.3\npayload = 1500\n[[walls.corner]]\nat = [1.15, 0.62]\n";
+    let text = fs::read_to_string(EXCAVATOR).unwrap() + walls;
+    fs::write(folder.path().join("walled.toml"), text).unwrap();
+    let set = |axis: &str, position: &str| format!("axis.{axis}.plant.initial_position={position}");
+    let [boom, arm] = [set("boom", "0.2"), set("arm", "0.5")];
+    let arguments = ["commission", "walled.toml", "--axis", "boom", "--duration", "40s", "--set", &boom, "--set", &arm];
+    let output = run(folder.path(), &arguments);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("walls.depth has kept the valve neutral: no part of the machine may pass it"), "{said}");
+    assert!(!folder.path().join("model.toml").exists());
 }
 
 #[test]

@@ -249,7 +249,9 @@ impl Fallback {
         }
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
-            self.memory.integrals[now] = self.bounded(integral + part * gain * self.ki_period * error);
+            if self.learns || now == 0 {
+                self.memory.integrals[now] = self.bounded(integral + part * gain * self.ki_period * error);
+            }
             if self.learns {
                 let learned = self.memory.learned[side] + moving * gain * self.learning * error;
                 self.memory.learned[side] = learned.clamp(-MOST_LEARNED, MOST_LEARNED);

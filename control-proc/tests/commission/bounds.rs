@@ -392,3 +392,13 @@ fn coarse_encoders_and_fast_valves_are_no_reason_to_refuse() {
     let refused: Vec<String> = reasons.into_iter().flatten().collect();
     assert!(refused.is_empty(), "{} of {} refused:\n{}", refused.len(), cases.len(), refused.join("\n"));
 }
+
+/// The pump sees the load through an open valve alone, and takes a second to come up to the pressure that lifts it.
+#[test]
+fn pulses_and_strokes_wait_for_a_slow_pump() {
+    let machine =
+        |response: &str| Machine::load(None, &[("supply.response_time".to_owned(), response.to_owned())]).unwrap();
+    for response in ["0.1", "0.2", "0.3"] {
+        Run::of(&machine(response), 0, &ExperimentOptions::default(), 1).expect_finished();
+    }
+}

@@ -208,3 +208,38 @@ impl ModelFile {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_that_is_there_is_replaced_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let (model, link) = (folder.path().join("model.toml"), folder.path().join("link.toml"));
+        fs::write(&model, "old").unwrap();
+        std::os::unix::fs::symlink("model.toml", &link).unwrap();
+        let file = ModelFile::new(&link, true).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "the probe leaves nothing");
+        let (path, part) = file.replaced().unwrap().unwrap();
+        assert_eq!(path, model.canonicalize().unwrap());
+        // Nothing can be written beside it.
+        fs::create_dir(&part).unwrap();
+        assert!(matches!(file.write("new"), Err(ModelFileError::Write { .. })));
+        assert_eq!(fs::read_to_string(&model).unwrap(), "old");
+        fs::remove_dir(&part).unwrap();
+        file.write("new").unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(
+            (fs::read_to_string(&model).unwrap(), fs::read_to_string(&link).unwrap()),
+            ("new".into(), "new".into())
+        );
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn a_place_where_nothing_can_be_written_is_refused_before_the_experiment() {
+        assert!(matches!(ModelFile::new(Path::new("/proc/model.toml"), false), Err(ModelFileError::Write { .. })));
+        assert!(ModelFile::new(Path::new("/dev/null"), true).unwrap().write("text").is_ok());
+    }
+}

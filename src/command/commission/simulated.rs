@@ -27,11 +27,11 @@ pub enum SimulatedError {
     #[error("ended, valve neutral: {0}")]
     Aborted(Abort),
     /// A bound was met after a virtual wall had acted.
-    #[error("ended, valve neutral: {abort}; {}", walled(.wall))]
+    #[error("ended, valve neutral: {abort}; {}", walled(&format!("walls.{wall}")))]
     Walled {
         /// The bound.
         abort: Abort,
-        /// The wall, as a key of the machine file.
+        /// The wall, as a key of `[walls]`.
         wall: &'static str,
     },
     /// The record has no model.

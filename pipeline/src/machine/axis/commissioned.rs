@@ -78,7 +78,7 @@ impl Commissioned {
             return None;
         }
         let openings = section
-            .key("openings", "Commands beyond the dead band at which the static curve was measured, in both directions")
+            .key("openings", "Commands beyond the dead band at which the static curve has its points, in both directions")
             .allows("1 to 16 rising numbers greater than 0")
             .numbers(0.0..=1.0, "", 1);
         if openings.first().is_none_or(|first| *first <= 0.0)
@@ -346,6 +346,22 @@ mod tests {
         }
         // Beyond the last point the last line goes on.
         assert!((model().speed(0.6) - 0.45).abs() < 1e-12);
+    }
+
+    /// Retracting reached the bound of the experiment's speed at a smaller command.
+    #[test]
+    fn speeds_of_commands_that_were_not_tested_are_not_reached() {
+        let known = Commissioned { largest_tested: [0.35, 0.18], ..model() };
+        assert_eq!((model().tested(), known.tested()), ((-0.38, 0.4), (-0.18, 0.35)));
+        let close = |found: (f64, f64), wanted: (f64, f64)| {
+            assert!((found.0 - wanted.0).abs() < 1e-12 && (found.1 - wanted.1).abs() < 1e-12, "{found:?}");
+        };
+        close(model().tested_speeds(1.0), (0.3, 0.25));
+        close(known.tested_speeds(1.0), (0.04, 0.2));
+        close(known.tested_speeds(0.3), (0.04, 0.15));
+        assert!((known.reached(1.0) - 0.04).abs() < 1e-12 && (model().reached(1.0) - 0.25).abs() < 1e-12);
+        // The line goes on: a command for such a speed is not larger than it has to be.
+        assert_eq!(known.command(-0.2), model().command(-0.2));
     }
 
     #[test]

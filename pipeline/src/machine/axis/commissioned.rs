@@ -78,7 +78,10 @@ impl Commissioned {
             return None;
         }
         let openings = section
-            .key("openings", "Commands beyond the dead band at which the static curve has its points, in both directions")
+            .key(
+                "openings",
+                "Commands beyond the dead band at which the static curve has its points, in both directions",
+            )
             .allows("1 to 16 rising numbers greater than 0")
             .numbers(0.0..=1.0, "", 1);
         if openings.first().is_none_or(|first| *first <= 0.0)

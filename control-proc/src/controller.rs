@@ -38,8 +38,8 @@ use crate::{
 
 /// Time for which the teeth wait for axes that come no closer to the begin of their way, s.
 const PATIENCE_AT_BEGIN: f64 = 5.0;
-/// Time for which the axes have to be there before the motion begins, s: one that swings through has not come to it, and
-/// the machine is still to swing out.
+/// Time for which the axes have to be there before the motion begins, s: one that swings through has not come to it,
+/// and the machine is still to swing out.
 const SETTLED: f64 = 1.5;
 
 /// What the axes of a mechanism do together; nothing for a machine without one.

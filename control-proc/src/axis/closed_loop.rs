@@ -40,15 +40,7 @@ impl AxisController {
         snapshot_flags: u32,
     ) -> Result<Decision, u32> {
         let last = self.decision;
-        let mut ticks = (input.sequence, input.elapsed);
-        // The axis has waited at neutral; where its reference has gone on, it does so from here.
-        if input.elapsed > UNUSABLE_LIMIT {
-            self.references.go_on(input.path[0], position, input.generator);
-            ticks.1 = 1;
-        }
-        let status = self.references.update(ticks, position, input.path, input.generator, input.reference);
-        self.fallback.learn(!status.is_approach);
-        self.law.learn(!status.is_approach);
+        let status = self.refer(input, position);
         let reference = self.references.positions()[0];
         let deviation =
             Deviation { elapsed: input.elapsed, error: reference - position, speed: self.references.speed() };
@@ -94,6 +86,20 @@ impl AxisController {
             flags |= control_flag::SOFT_LIMIT;
         }
         Ok(Decision { command, by, reference, error: deviation.error, flags })
+    }
+
+    /// Works out the references from this tick on.
+    fn refer(&mut self, input: &AxisInput<'_>, position: f64) -> ReferenceStatus {
+        let mut ticks = (input.sequence, input.elapsed);
+        // The axis has waited at neutral; where its reference has gone on, it does so from here.
+        if input.elapsed > UNUSABLE_LIMIT {
+            self.references.go_on(input.path[0], position, input.generator);
+            ticks.1 = 1;
+        }
+        let status = self.references.update(ticks, position, input.path, input.generator, input.reference);
+        self.fallback.learn(!status.is_approach);
+        self.law.learn(!status.is_approach);
+        status
     }
 
     /// What the controller by a model answers with the usable model. It plans during probation too, so that it has an

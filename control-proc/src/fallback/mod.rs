@@ -27,8 +27,9 @@
 //! L is what the feed-forward lacks, one number for each direction: a commissioned curve is least exact where it
 //! begins, and dead bands drift. It is learned while the reference moves and acts only then, so that at rest, where an
 //! integral makes an axis with a dead band cycle, the loop is the one without it. T_l is so long that the margins of
-//! the loop hardly change; L_max is [`MOST_LEARNED`]. Nothing is learned on the way to a reference that starts elsewhere:
-//! all axes of a machine go there at once, and what the pump cannot give them then is no lack of a curve.
+//! the loop hardly change; L_max is [`MOST_LEARNED`]. Nothing is learned on the way to a reference that starts
+//! elsewhere, nor do the I of motion change there: all axes of a machine go there at once, and what the pump cannot
+//! give them then is no lack of a curve.
 //!
 //! q keeps the margins of the loop while the axis moves: they hold for the mean slope c'_m of the static curve c, and
 //! the curve of a pilot-operated valve is an S, in its middle much steeper. r is [`SPARED`]: of a straight curve with
@@ -94,13 +95,10 @@ pub struct Fallback {
     kp: f64,
     /// ki T, 1/m.
     ki_period: f64,
-    /// kp T/T_l, 1/m; 0 without feed-forward, and in a comparison without learning.
-    learning: f64,
+    learning: Learning,
     dead_band: DeadBand,
     /// Part of kp and ki that is in use.
     gain: f64,
-    /// Whether L changes.
-    learns: bool,
     limits: Limits,
     feedforward: Option<Feedforward>,
     memory: Memory,
@@ -109,6 +107,15 @@ pub struct Fallback {
     /// c'_m, m/s; infinite where it is not known.
     slope: f64,
     kept: Kept,
+}
+
+/// How what the feed-forward lacks is learned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Learning {
+    /// kp T/T_l, 1/m; 0 without feed-forward, and in a comparison without learning.
+    rate: f64,
+    /// Whether L and the I of motion change.
+    is_on: bool,
 }
 
 /// Parts that are left a tick later.
@@ -132,9 +139,11 @@ impl Fallback {
         Self {
             kp: control.kp,
             ki_period: control.ki * period,
-            learning: learning.map_or(0.0, |model| control.kp * period / learning_time(model, period)),
+            learning: Learning {
+                rate: learning.map_or(0.0, |model| control.kp * period / learning_time(model, period)),
+                is_on: true,
+            },
             gain: 1.0,
-            learns: true,
             dead_band: control.dead_band,
             limits: Limits::new(control, period),
             feedforward: model.map(|model| Feedforward::new(model, control.pump_response, period)),
@@ -179,9 +188,9 @@ impl Fallback {
         self.gain = gain;
     }
 
-    /// Whether what the feed-forward lacks is learned from now on.
+    /// Whether L and the I of motion change from now on.
     pub fn learn(&mut self, learns: bool) {
-        self.learns = learns;
+        self.learning.is_on = learns;
     }
 
     /// What is remembered.
@@ -249,11 +258,11 @@ impl Fallback {
         }
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
-            if self.learns || now == 0 {
+            if self.learning.is_on || now == 0 {
                 self.memory.integrals[now] = self.bounded(integral + part * gain * self.ki_period * error);
             }
-            if self.learns {
-                let learned = self.memory.learned[side] + moving * gain * self.learning * error;
+            if self.learning.is_on {
+                let learned = self.memory.learned[side] + moving * gain * self.learning.rate * error;
                 self.memory.learned[side] = learned.clamp(-MOST_LEARNED, MOST_LEARNED);
             }
         }

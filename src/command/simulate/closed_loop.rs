@@ -33,7 +33,8 @@ pub struct Tick<'a> {
     pub way: Option<(f64, f64)>,
 }
 
-/// Runs `ticks` ticks, or fewer where `look` breaks off, and shows each of them to `look`. Returns the last messages of the loop.
+/// Runs `ticks` ticks, or fewer where `look` breaks off, and shows each of them to `look`. Returns the last messages of
+/// the loop.
 ///
 /// # Errors
 /// The machine cannot be simulated or controlled, or `look` fails.

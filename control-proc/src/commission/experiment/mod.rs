@@ -117,6 +117,14 @@ struct Found {
     drift: f64,
 }
 
+/// What pulses depend on.
+#[derive(Debug, Clone, Copy)]
+struct Pulse {
+    level: f64,
+    /// Time constant of the pump, s.
+    pump_response: f64,
+}
+
 /// The experiment with one axis.
 #[derive(Debug, Clone)]
 pub struct Experiment {
@@ -124,10 +132,7 @@ pub struct Experiment {
     window: Window,
     watch: Watch,
     found: Found,
-    /// Time in which the pump answers, s.
-    pump_response: f64,
-    /// Level of the pulses.
-    level: f64,
+    pulse: Pulse,
     phase: Phase,
     step: Step,
     /// Ticks since the beginning.
@@ -162,8 +167,7 @@ impl Experiment {
                 quiet: QUIET_COUNTS * resolution,
                 drift: 0.0,
             },
-            pump_response: axis.control.pump_response,
-            level: pulses::PULSE_STEP,
+            pulse: Pulse { level: pulses::PULSE_STEP, pump_response: axis.control.pump_response },
             phase: Phase::Rest,
             step: Step::begin(f64::NAN, 0.0, 0),
             tick: 0,

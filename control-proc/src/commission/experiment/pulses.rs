@@ -56,15 +56,15 @@ impl Experiment {
         let end = up + if searched[1] { length } else { 0 };
         let at = self.step.ticks - 1;
         let is_both = searched == [true; 2];
-        let is_last = self.level >= PULSE_LIMIT.min(self.limits.magnitude);
+        let is_last = self.pulse.level >= PULSE_LIMIT.min(self.limits.magnitude);
         if self.step.neutral_at.is_none() {
             if at < end && self.moved(searched) == [false; 2] {
-                return Ok(if at < up { self.level } else { -self.level });
+                return Ok(if at < up { self.pulse.level } else { -self.pulse.level });
             }
             if is_both && at >= end && !is_last {
                 self.learn_drift(position);
                 self.raise_level(position);
-                return Ok(self.level);
+                return Ok(self.pulse.level);
             }
             self.step.neutral_at = Some(at);
         }
@@ -76,7 +76,7 @@ impl Experiment {
             if moved {
                 self.step = Step::begin(position, 0.0, 0);
             } else if is_last {
-                return Err(self.no_motion(side, self.level));
+                return Err(self.no_motion(side, self.pulse.level));
             } else {
                 self.raise_level(position);
             }
@@ -91,7 +91,7 @@ impl Experiment {
     /// Length of a pulse, s.
     fn pulse_time(&self) -> f64 {
         let clear = self.found.clear / (PULSE_SPEED * self.window.fastest);
-        clear.max(PUMP_RESPONSES * self.pump_response).clamp(PULSE_TIME.0, PULSE_TIME.1)
+        clear.max(PUMP_RESPONSES * self.pulse.pump_response).clamp(PULSE_TIME.0, PULSE_TIME.1)
     }
 
     /// No motion in the direction in place `side` at `level`.
@@ -102,7 +102,7 @@ impl Experiment {
     /// Begins the pulses of the next level.
     fn raise_level(&mut self, position: f64) {
         let highest = PULSE_LIMIT.min(self.limits.magnitude);
-        self.level = (self.level + PULSE_STEP.max(PULSE_RISE * self.level)).min(highest);
+        self.pulse.level = (self.pulse.level + PULSE_STEP.max(PULSE_RISE * self.pulse.level)).min(highest);
         self.step = Step::begin(position, 0.0, 0);
     }
 
@@ -131,7 +131,7 @@ impl Experiment {
     fn note_moved(&mut self, searched: [bool; 2], position: f64) -> bool {
         let moved = self.moved(searched);
         for side in (0..2).filter(|side| moved[*side]) {
-            self.found.directions[side].moving = self.level;
+            self.found.directions[side].moving = self.pulse.level;
         }
         if moved == [false; 2] {
             self.learn_drift(position);

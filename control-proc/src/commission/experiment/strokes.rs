@@ -64,7 +64,8 @@ impl Experiment {
         let Step { ticks, wanted, neutral_at, moved_at, .. } = self.step;
         if neutral_at.is_none() {
             let is_over = moved_at.is_some_and(|moved| ticks >= moved + self.ticks(STROKE_TIME) + self.rise())
-                || ticks >= self.found.reaction + self.ticks(STROKE_PATIENCE.max(PUMP_PATIENCE * self.pump_response));
+                || ticks
+                    >= self.found.reaction + self.ticks(STROKE_PATIENCE.max(PUMP_PATIENCE * self.pulse.pump_response));
             let would_leave = !is_over && self.would_leave(position, wanted);
             if !is_over && !would_leave {
                 return Ok(wanted);
@@ -124,7 +125,7 @@ impl Experiment {
         }
         direction.moving = f64::INFINITY;
         self.found.is_searched_again[side] = true;
-        self.level = level;
+        self.pulse.level = level;
         (self.phase, self.step) = (Phase::Pulses, Step::begin(position, 0.0, 0));
         Ok(0.0)
     }

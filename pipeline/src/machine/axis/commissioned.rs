@@ -104,12 +104,7 @@ impl Commissioned {
             time_constant: section
                 .key("time_constant", "Time constant of the first-order lag between command and speed")
                 .number(0.0..=10.0, "s"),
-            dead_band: DeadBand {
-                extend: section.key("dead_band_extend", "Dead band of the valve while extending").number(0.0..=0.9, ""),
-                retract: section
-                    .key("dead_band_retract", "Dead band of the valve while retracting, as a magnitude")
-                    .number(0.0..=0.9, ""),
-            },
+            dead_band: read_dead_band(&mut section),
             hysteresis: section
                 .key("hysteresis", "Width of the valve's hysteresis, as a part of the full command")
                 .number_or(0.0, 0.0..=0.5, ""),
@@ -278,6 +273,14 @@ impl Commissioned {
         } else {
             0.0
         }
+    }
+}
+
+fn read_dead_band(section: &mut Section) -> DeadBand {
+    let mut key = |name, meaning| section.key(name, meaning).number(0.0..=0.9, "");
+    DeadBand {
+        extend: key("dead_band_extend", "Dead band of the valve while extending"),
+        retract: key("dead_band_retract", "Dead band of the valve while retracting, as a magnitude"),
     }
 }
 

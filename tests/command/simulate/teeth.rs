@@ -46,7 +46,7 @@ fn a_task_for_some_axes_or_out_of_reach_is_refused() {
 #[test]
 fn a_task_that_a_wall_ends_ends_the_run_with_its_name() {
     let folder = tempfile::tempdir().unwrap();
-    // Fast and close above the wall; the payload of the scenario comes at 10 s.
+    // Fast and close above the wall; the valves wear from 8 s on.
     let walls = "[walls]\ndepth = 2.15\nclearance = 0.3\npayload = 1500\n\
                  corner = [{ at = [1.15, 0.62] }, { at = [0.45, 0.80] }]\n";
     let way = "piece = [{to=[5.9,-2.0]},{to=[4.5,-2.0]},{to=[5.9,-2.0]},{to=[5.9,-1.5]}]";
@@ -58,7 +58,7 @@ fn a_task_that_a_wall_ends_ends_the_run_with_its_name() {
         let simulate = ["simulate", "walled.toml", "--model", model, "--duration", "45s", "--scenario", scenario];
         hydraxis().current_dir(&folder).args(simulate).args(FOLLOW).args(task).output().unwrap()
     };
-    let ended = run("payload");
+    let ended = run("valve-wear");
     let said = String::from_utf8_lossy(&ended.stderr).into_owned();
     assert_eq!(ended.status.code(), Some(1), "{said}");
     assert!(said.contains("the teeth have not come to the end of their way: walls.depth stopped axis."), "{said}");

@@ -17,6 +17,8 @@ use pipeline::{
 };
 use thiserror::Error;
 
+use crate::report::output::{part_of, take_place};
+
 /// Flags of a controller that does not use the model.
 const REFUSED: u32 = control_flag::MODEL_REFUSED | control_flag::MODEL_WORSE | control_flag::CAUTION;
 /// The keys of a file.
@@ -99,12 +101,9 @@ pub fn save(
         );
     }
     fs::create_dir_all(folder)?;
-    // A reader meets the old file or the new one, never a part.
     let path = file(folder, machine);
-    let part = path.with_extension(format!("{}.part", std::process::id()));
-    fs::write(&part, text).and_then(|()| fs::rename(&part, &path)).inspect_err(|_| {
-        let _ = fs::remove_file(&part);
-    })?;
+    let part = part_of(&path);
+    take_place(&part, &path, fs::write(&part, text))?;
     Ok(learned.len())
 }
 

@@ -2,7 +2,7 @@
 //! tables.
 
 use std::{
-    fs::File,
+    fs::{self, File},
     io::{self, Write},
     path::{Path, PathBuf},
 };
@@ -197,6 +197,24 @@ impl Write for Kept {
         // Without `begin`: a CSV writer that is dropped flushes, though it has written nothing.
         self.file.flush()
     }
+}
+
+/// The file beside `path` that is written before it takes its place.
+pub fn part_of(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.part", std::process::id()));
+    path.with_file_name(name)
+}
+
+/// Puts `part`, which was written with this result, in the place of `path`: a reader meets the old file or the new one,
+/// never a part. After a failure the part is removed.
+///
+/// # Errors
+/// The part could not be written, or the system refuses to move it.
+pub fn take_place(part: &Path, path: &Path, written: io::Result<()>) -> io::Result<()> {
+    written.and_then(|()| fs::rename(part, path)).inspect_err(|_| {
+        let _ = fs::remove_file(part);
+    })
 }
 
 /// `text` with escapes in the place of control characters other than line ends, tabs and colours: a text from a file

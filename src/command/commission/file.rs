@@ -8,8 +8,9 @@ use std::{
 };
 
 use pipeline::machine::{Axis, Commissioned, Control, DeadBand, Hardware, Law, SMITH_MEMORY, SmithSettings};
-
 use thiserror::Error;
+
+use crate::report::output::{part_of, take_place};
 
 /// Why a model file cannot be written.
 #[derive(Debug, Error)]
@@ -169,9 +170,7 @@ impl ModelFile {
         if path.exists() && !path.is_file() {
             return Ok(None);
         }
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(format!(".{}.part", std::process::id()));
-        let part = path.with_file_name(name);
+        let part = part_of(&path);
         Ok(Some((path, part)))
     }
 
@@ -182,9 +181,7 @@ impl ModelFile {
             Ok(before) => fs::set_permissions(&part, before.permissions()),
             Err(_) => Ok(()),
         });
-        written.and_then(|()| fs::rename(&part, &path)).inspect_err(|_| {
-            let _ = fs::remove_file(&part);
-        })
+        take_place(&part, &path, written)
     }
 
     /// Writes the text.

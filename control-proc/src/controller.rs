@@ -67,9 +67,17 @@ pub struct Controller {
     session: u64,
     /// Samples in a row that were not newer than the last.
     repeated: u64,
-    /// Ticks for which the references of all axes of the teeth have been at the begin of the way.
+    begin: Begin,
+}
+
+/// How far the axes of the teeth are with the begin of their way.
+#[derive(Debug, Clone, Copy, Default)]
+struct Begin {
+    /// Whether all of them go there, or are there.
+    are_together: bool,
+    /// Ticks for which the references of all of them have been there.
     at_begin: u64,
-    /// Ticks for which these axes have been there themselves.
+    /// Ticks for which they have been there themselves.
     settled: u64,
 }
 
@@ -100,8 +108,7 @@ impl Controller {
             last_sequence: None,
             session: 0,
             repeated: 0,
-            at_begin: 0,
-            settled: 0,
+            begin: Begin::default(),
         })
     }
 
@@ -272,7 +279,8 @@ impl Controller {
         });
         let mut references = [None; AXES];
         references.iter_mut().zip(&self.axes).for_each(|(of, axis)| *of = axis.coming());
-        let all = loads.at(&positions, payload, &references);
+        let mut all = loads.at(&positions, payload, &references);
+        loads.hold_back(&mut all, &positions, sample, &references);
         for (axis, load) in self.axes.iter_mut().zip(all) {
             axis.bear(load);
         }
@@ -310,31 +318,43 @@ impl Controller {
     }
 
     /// Begins the motion of the teeth when all of their axes have come to its begin; an axis that comes no closer for
-    /// [`PATIENCE_AT_BEGIN`] begins with what is left of its error. When one of them stops, the others
-    /// leave the way as well: it cannot be traced without it. A motion that was left begins anew.
+    /// [`PATIENCE_AT_BEGIN`] begins with what is left of its error. A motion that was left begins anew.
     fn lead_teeth(&mut self) {
         let ticks = self.path.ticks();
         let (now, last) = (ticks[0], ticks[ticks.len() - 1]);
         let start = self.generator.tip_start();
+        self.keep_together(last);
         let are_at_begin = start.is_none() && self.generator.tip_axes().all(|axis| self.axes[axis].tracks(last));
-        self.at_begin = if are_at_begin { self.at_begin.saturating_add(1) } else { 0 };
-        let is_late = self.at_begin as f64 * self.period >= PATIENCE_AT_BEGIN;
+        self.begin.at_begin = if are_at_begin { self.begin.at_begin.saturating_add(1) } else { 0 };
+        let is_late = self.begin.at_begin as f64 * self.period >= PATIENCE_AT_BEGIN;
         let are_there = self.generator.tip_axes().all(|axis| match start {
             Some(start) => self.axes[axis].tracks(start.max(now)),
             None => self.axes[axis].has_arrived(last, is_late),
         });
-        self.settled = if are_there { self.settled.saturating_add(1) } else { 0 };
-        let is_ready = are_there && (start.is_some() || self.settled as f64 * self.period >= SETTLED);
+        self.begin.settled = if are_there { self.begin.settled.saturating_add(1) } else { 0 };
+        let is_ready = are_there && (start.is_some() || self.begin.settled as f64 * self.period >= SETTLED);
         match (start.is_some(), is_ready) {
             // What a preview has shown so far stays as it is.
             (false, true) if self.generator.tip_axes().next().is_some() => self.generator.begin_tip(Some(last)),
-            (true, false) => {
-                for axis in self.generator.tip_axes() {
-                    self.axes[axis].leave_way();
-                }
-                self.generator.begin_tip(None);
-            }
+            (true, false) => self.generator.begin_tip(None),
             _ => {}
+        }
+    }
+
+    /// When an axis of the teeth stops on the way, or on the way to its begin, the others leave it as well: it cannot
+    /// be traced without that one. Until all of them track, those that do stand, in a preview that ends at tick `last`.
+    fn keep_together(&mut self, last: f64) {
+        let are_together = self.generator.tip_axes().all(|axis| self.axes[axis].pursues());
+        let were_together = std::mem::replace(&mut self.begin.are_together, are_together);
+        if are_together {
+            return;
+        }
+        for axis in self.generator.tip_axes() {
+            if were_together {
+                self.axes[axis].leave_way();
+            } else {
+                self.axes[axis].stay(last, &self.generator);
+            }
         }
     }
 

@@ -12,7 +12,8 @@
 //! times the frequency of the commissioning. The same command moves the axis g times as fast. A greater mass swings
 //! slower on its spring of oil, and the gains are p times as large as those of the machine file, so that the margin
 //! stays. A load that overruns its axis empties the chamber that is filled, and hangs on the oil of the other one alone
-//! (`Cylinder::left`). With pressure feedback a newton counts n times as much, so that the damping ratio stays.
+//! (`Cylinder::left`); until it is empty, g is less (`trapped`). With pressure feedback a newton counts n times as much,
+//! so that the damping ratio stays.
 //!
 //! An axis of which no swing was found may swing under a greater mass, or on one chamber. Its swing is taken to be the
 //! one of its oil (`Cylinder::frequency`), with a damping ratio of 0.1, and its gains leave a gain margin of 1.7, or as
@@ -28,9 +29,13 @@
 //! Runs in the loop: nothing here allocates after construction.
 
 mod forces;
+mod trapped;
 
 use mechanism::{AXES, CylinderDynamics, PreparedMechanism, Vector};
-use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, Oil, Overrun};
+use pipeline::{
+    machine::{Axis, Commissioned, Control, Law, Machine, Oil, Overrun},
+    message::{AxisSample, EncoderSample},
+};
 
 use crate::{
     cylinder::Cylinder,
@@ -38,6 +43,7 @@ use crate::{
     payload::carrying,
 };
 use forces::Forces;
+use trapped::Trapped;
 
 /// T_F, s, of the slow part of a force: long beside a swing of 1 Hz, and short beside a change of posture.
 pub const SLOW: f64 = 0.5;
@@ -189,6 +195,7 @@ pub struct Loads {
     mechanism: PreparedMechanism,
     axes: [Commissioning; AXES],
     forces: [Option<Forces>; AXES],
+    trapped: [Option<Trapped>; AXES],
     /// With an empty bucket and with the heaviest payload, where the payload is estimated.
     payloads: Option<[PreparedMechanism; 2]>,
     /// kg.
@@ -208,6 +215,7 @@ impl Loads {
             heaviest: heaviest.unwrap_or(f64::INFINITY),
             axes: axes.each_ref().map(|axis| Commissioning::of(axis, oil, period)),
             forces: axes.each_ref().map(|axis| Forces::of(axis, period)),
+            trapped: axes.each_ref().map(|axis| Trapped::of(axis, period)),
         })
     }
 
@@ -233,6 +241,22 @@ impl Loads {
         }
         self.forces = forces;
         all
+    }
+
+    /// Lets the oil that the axes have trapped, by the pressures of `sample`, hold their loads back. `positions` and
+    /// `references` as for [`Self::at`].
+    pub fn hold_back(
+        &mut self,
+        all: &mut [Load; AXES],
+        positions: &[f64; AXES],
+        sample: &EncoderSample,
+        references: &[Option<&[f64]>; AXES],
+    ) {
+        for (i, trapped) in self.trapped.iter_mut().enumerate() {
+            let Some(trapped) = trapped else { continue };
+            let pressures = sample.axes.get(i).and_then(AxisSample::pressures);
+            all[i].faster = trapped.update(all[i].faster, positions[i], pressures, references[i]);
+        }
     }
 
     /// Both force and mass are linear in the payload.

@@ -207,9 +207,14 @@ impl AxisController {
         self.follows() && self.feedback.is_silent()
     }
 
+    /// Whether the axis tracks its reference, or is on the way to it.
+    pub fn pursues(&self) -> bool {
+        self.follows() && self.operation.mode == AxisMode::Track && self.references.pursues()
+    }
+
     /// Whether the axis tracks its reference, and its reference has come to the generator at `tick` of the path.
     pub fn tracks(&self, tick: f64) -> bool {
-        self.follows() && self.operation.mode == AxisMode::Track && self.references.has_arrived(tick)
+        self.pursues() && self.references.has_arrived(tick)
     }
 
     /// Whether the axis has come to its reference as well; `is_late` says that it has had much time for it.
@@ -223,6 +228,13 @@ impl AxisController {
         if self.follows() && self.operation.mode == AxisMode::Track {
             self.operation.mode = AxisMode::Hold;
             self.references.hold(None);
+        }
+    }
+
+    /// Lets an axis that tracks stand where its reference is, and go on its way from `tick` of the path on.
+    pub fn stay(&mut self, tick: f64, generator: &ReferenceGenerator) {
+        if self.pursues() {
+            self.references.stay(tick, generator);
         }
     }
 

@@ -140,9 +140,14 @@ impl References {
         self.blend.position(t, generator.along(self.axis, t, tick, self.period))
     }
 
+    /// Whether the reference follows its generator or channel, or is on the way to it.
+    pub fn pursues(&self) -> bool {
+        self.state == State::Tracks
+    }
+
     /// Whether the reference follows its generator and has come to it at `tick` of the path.
     pub fn has_arrived(&self, tick: f64) -> bool {
-        self.state == State::Tracks && self.blend.is_over(self.blend.ticks(tick) * self.period)
+        self.pursues() && self.blend.is_over(self.blend.ticks(tick) * self.period)
     }
 
     /// Begins to track at `tick` of the path, from where the axis stands (m).
@@ -153,6 +158,11 @@ impl References {
         if let Some(channel) = &mut self.channel {
             channel.begin(position);
         }
+    }
+
+    /// Stands, and goes to its generator from `tick` of the path on.
+    pub fn stay(&mut self, tick: f64, generator: &ReferenceGenerator) {
+        self.begin(tick, self.positions[0], generator);
     }
 
     /// Goes on at `tick` of the path from where the axis stands (m), after a time in which it could not follow. A

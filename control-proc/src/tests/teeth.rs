@@ -3,7 +3,7 @@
 use mechanism::AXES;
 use pipeline::{
     machine::{Machine, ReferenceSource, TipPiece, TipShape, TipTask, TipWithout},
-    message::{AxisMode, ValveCommand, control_flag, sample_fault},
+    message::{AxisMode, Request, ValveCommand, control_flag, sample_fault},
 };
 
 use super::sample;
@@ -63,6 +63,22 @@ impl Ideal {
         self.positions.iter_mut().for_each(|position| *position -= lag);
         self.sequence += 1;
         command
+    }
+
+    fn go_on(&mut self, ticks: usize) {
+        for _ in 0..ticks {
+            self.tick();
+        }
+    }
+
+    /// The next tick, with a request for this mode of these axes.
+    fn ask(&mut self, axes: impl IntoIterator<Item = usize>, mode: AxisMode) -> ValveCommand {
+        let mut request = Request { session: 1, ..Request::default() };
+        request.header.axis_count = AXES as u32;
+        (request.header.sequence, request.header.number) = (self.sequence.saturating_sub(1), self.sequence + 1);
+        axes.into_iter().for_each(|axis| request.axes[axis].mode = mode as u32);
+        self.controller.ask(&request);
+        self.tick()
     }
 
     /// Ticks until the teeth are on their way, 1000 at most.
@@ -145,6 +161,54 @@ fn what_an_axis_lacks_on_its_way_to_the_begin_is_not_made_good_on_the_way() {
             let off = commands(lag).iter().zip(&usual).map(|(a, b)| (a[axis] - b[axis]).abs()).fold(0.0, f64::max);
             assert!(off < 1e-3, "{axis}, {lag} m: {off}");
         }
+    }
+}
+
+/// One second after arming, on the way to the begin.
+#[test]
+fn an_axis_that_stops_before_the_begin_stops_the_others_as_well() {
+    let stopped = |stop: &dyn Fn(&mut Ideal)| {
+        let mut ideal = Ideal::new();
+        // 0.2 m to the begin.
+        ideal.positions = std::array::from_fn(|i| ideal.plan.points(i)[0].1 - 0.2);
+        ideal.controller.arm();
+        ideal.go_on(100);
+        stop(&mut ideal);
+        let before = ideal.positions;
+        let command = (0..300).map(|_| ideal.tick()).last().unwrap();
+        for axis in 0..3 {
+            assert_eq!(command.axes[axis].operation, AxisMode::Hold as u32, "{axis}");
+            assert!((ideal.positions[axis] - before[axis]).abs() < 0.05, "{axis}: {before:?}, {:?}", ideal.positions);
+        }
+        let stand = ideal.positions;
+        ideal.tick();
+        assert_eq!(ideal.positions[..3], stand[..3]);
+        ideal
+    };
+    stopped(&|ideal| _ = ideal.ask([3], AxisMode::Manual));
+    stopped(&|ideal| _ = ideal.ask([3], AxisMode::Hold));
+    let mut ideal = stopped(&|ideal| ideal.failed = Some(3));
+    ideal.failed = None;
+    ideal.controller.disarm();
+    ideal.controller.arm();
+    assert!(ideal.await_way() < 1000);
+}
+
+#[test]
+fn an_axis_that_tracks_alone_stands_until_all_of_them_do() {
+    let mut ideal = Ideal::new();
+    ideal.controller.arm();
+    ideal.ask(0..3, AxisMode::Hold);
+    let stand = ideal.positions;
+    ideal.go_on(300);
+    let command = ideal.ask([0], AxisMode::Track);
+    assert_eq!(command.axes[3].operation, AxisMode::Track as u32);
+    ideal.go_on(300);
+    assert_eq!(ideal.positions, stand);
+    ideal.ask([1, 2], AxisMode::Track);
+    assert!((300..900).contains(&ideal.await_way()));
+    for axis in 0..AXES {
+        assert!((ideal.positions[axis] - ideal.plan.points(axis)[0].1).abs() < 2e-3, "{axis}");
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! The ends belong to the way, so that overshoot past its end counts. The teeth are where the true positions of the
 //! cylinders put them. The error counts from the begin of the motion to its planned end; before, the axes come to the
-//! begin of the way.
+//! begin of the way. For its largest value the teeth are watched for [`AFTER`] more: they arrive late, and swing out.
 
 use std::fmt;
 
@@ -26,6 +26,8 @@ use serde::Serialize;
 
 use super::table::number;
 
+/// Time for which the teeth are watched after the planned end of their way, s.
+pub const AFTER: f64 = 3.0;
 /// Way before and after a place by which its direction is told, m.
 const BESIDE: f64 = 1e-3;
 
@@ -87,7 +89,7 @@ impl fmt::Display for Stopped {
 pub struct TeethFigures {
     /// Root mean square of the distance from the way, m; none where the teeth have not begun.
     pub rms: Option<f64>,
-    /// Largest distance from the way, m.
+    /// Largest distance from the way, up to [`AFTER`] after its planned end, m.
     pub max: Option<f64>,
     /// Where it was, `[x, z]` in m.
     pub max_at: Option<[f64; 2]>,
@@ -155,8 +157,9 @@ impl Teeth {
             self.before = positions;
             return;
         };
-        if t > self.plan.duration() {
-            self.is_done = true;
+        let is_past = t > self.plan.duration();
+        self.is_done |= is_past;
+        if t > self.plan.duration() + AFTER {
             return;
         }
         let pose = self.mechanism.pose(&positions);
@@ -164,7 +167,10 @@ impl Teeth {
         let way = self.plan.way();
         let distance = way.distance(pose.tip, ((s - NEAR).max(0.0), (s + NEAR).min(way.length())));
         if distance > self.error.max {
-            self.worst = [pose.tip.x, pose.tip.z];
+            (self.error.max, self.worst) = (distance, [pose.tip.x, pose.tip.z]);
+        }
+        if is_past {
+            return;
         }
         self.error.push(distance);
         let wanted = mechanism::Rotation::by(self.plan.place(t).pitch);
@@ -244,5 +250,40 @@ impl TeethFigures {
                 )
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pipeline::machine::ReferenceSource;
+
+    use super::*;
+
+    #[test]
+    fn teeth_that_go_past_the_end_of_the_way_count_in_the_largest_error() {
+        let mut machine = Machine::load(None, &[]).unwrap();
+        machine.axes.iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
+        let mut teeth = Teeth::of(&machine).unwrap().unwrap();
+        let ends: [f64; AXES] = std::array::from_fn(|axis| teeth.plan().points(axis).last().unwrap().1);
+        let mut plant = |past: f64| {
+            for (axis, end) in machine.axes.iter_mut().zip(ends) {
+                axis.plant.as_mut().unwrap().initial_position = end;
+            }
+            // The level cut ends near the machine: the arm draws the teeth on.
+            machine.axes[1].plant.as_mut().unwrap().initial_position += past;
+            PlantSim::new(&machine, 1).unwrap()
+        };
+        let duration = teeth.plan().duration();
+        let commands = [AxisCommand::default(); AXES];
+        let mut at = |t: f64, plant: &PlantSim| {
+            teeth.observe(Some((0.0, t / 0.01)), plant, &commands);
+            teeth.figures()
+        };
+        let end = at(duration, &plant(0.0));
+        assert!(end.max.unwrap() < 1e-3 && !end.is_done);
+        let past = at(duration + 0.4, &plant(0.02));
+        assert!(past.max.unwrap() > 0.05 && past.is_done, "{past:?}");
+        assert_eq!((past.rms, past.error.count), (end.rms, 1));
+        assert_eq!(at(duration + AFTER + 0.1, &plant(0.04)).max, past.max);
     }
 }

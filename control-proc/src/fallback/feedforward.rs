@@ -10,10 +10,10 @@
 //! [`Commissioned`], g what the load makes of its speeds and v_F what the forces of the motion take of them ([`Load`]),
 //! which neither turns a motion round nor more than doubles it, v_r coming speed in m/s, v_s [`STILL`], u_r command. b
 //! is the part of the dead band that is compensated ([`Commissioned::compensated_dead_band`]), in the direction of the
-//! motion that begins in the 2 tau_s after t + L, or in the response of the pump after it where that is longer, and 0
-//! where none does; tau_s is tau without the delay of a load that swings. A command that is sent now acts in the middle
-//! of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual loop of mobile
-//! hydraulics, with references that are known ahead.
+//! motion that begins in the 2 tau_s after t + L, or in the 2 tau_p where these are longer, and 0 where none does; tau_s
+//! is tau without the delay of a load that swings, tau_p the time constant of the pump. A command that is sent now acts
+//! in the middle of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual loop of
+//! mobile hydraulics, with references that are known ahead.
 //!
 //! Traps: without the lead, feed-forward is late by the dead time, and the feedback corrects an error that is none. The
 //! references of a channel end with the preview of its message: beyond it the axis is assumed to stand. And a spool
@@ -40,7 +40,8 @@ pub struct Coming {
     pub command: f64,
 }
 
-/// Time before the begin of a motion at which the spool is brought to its edge, in tau_s.
+/// Time before the begin of a motion at which the spool is brought to its edge, in tau_s and in tau_p: a pump has built
+/// up 0.86 of its pressure then.
 const BEFORE: f64 = 2.0;
 /// Longest time for which it waits there for the pump, s.
 const LONGEST_STANDBY: f64 = 0.3;
@@ -79,7 +80,7 @@ impl Feedforward {
             mean_slope: mean_slope(model),
             period,
             lead: model.reaction() / period,
-            before: ((BEFORE * spool).max(pump_response.min(LONGEST_STANDBY)) / period).ceil() as usize,
+            before: ((BEFORE * spool).max((BEFORE * pump_response).min(LONGEST_STANDBY)) / period).ceil() as usize,
         }
     }
 
@@ -190,9 +191,9 @@ mod tests {
             let targets: Vec<f64> = (0..start + 200).map(|k| 0.1 * PERIOD * k.saturating_sub(start) as f64).collect();
             feedforward.coming(&targets, &Load::USUAL).command
         };
-        // The reference moves in the tick after `start`; 1 tick of lag.
-        assert!((command(10) - model.compensated_dead_band().extend).abs() < 1e-12, "{}", command(10));
-        assert_eq!(command(13), 0.0);
+        // The reference moves in the tick after `start`; 1 tick of lag, and twice 10 for the pump.
+        assert!((command(20) - model.compensated_dead_band().extend).abs() < 1e-12, "{}", command(20));
+        assert_eq!(command(23), 0.0);
     }
 
     #[test]

@@ -118,7 +118,7 @@ impl SupplyKind {
                 .key(
                     "response_time",
                     "Time constant of the pump's pressure, with kind = \"load-sensing\"; valves come to the edge of \
-                     their dead band at least as long before a motion, up to 0.3 s",
+                     their dead band twice as long before a motion, up to 0.3 s",
                 )
                 .number_or(0.1, 5e-3..=5.0, "s"),
         }

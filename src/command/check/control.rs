@@ -6,7 +6,7 @@ use control_proc::{
     protection::motion::{NOISE_COUNTS, STALL_TIME},
     tuning::{LEAST_FIT, is_poor},
 };
-use pipeline::machine::{Axis, DeadBand, Drive, Machine, ModelChoice, Source};
+use pipeline::machine::{Axis, DeadBand, Drive, Machine, ModelChoice, ReferenceSource, Source};
 
 use crate::report::table::percent;
 
@@ -31,7 +31,20 @@ pub fn impossible(machine: &Machine) -> Vec<String> {
 pub fn doubtful(machine: &Machine) -> Vec<String> {
     let is_simulated = machine.source == Source::Sim;
     let outside = machine.axes.iter().filter(|_| is_simulated).filter_map(outside);
-    poor(machine).into_iter().chain(outside).collect()
+    poor(machine).into_iter().chain(outside).chain(unmeasured(machine)).collect()
+}
+
+/// A warning for axes that are to move the teeth and were never commissioned.
+fn unmeasured(machine: &Machine) -> Option<String> {
+    let axes = machine.axes.iter().filter(|axis| axis.reference == ReferenceSource::Tip && axis.commissioned.is_none());
+    let names: Vec<String> = axes.map(|axis| format!("axis.{}", axis.name)).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "tip: found no commissioned model of {}. Without one an axis lags behind its part of the way, teeth stray by \
+             some tens of millimetres, and axes may be latched: `hydraxis commission` measures it",
+            names.join(", ")
+        )
+    })
 }
 
 /// One warning for each model that explains too little of the motion.

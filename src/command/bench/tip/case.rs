@@ -11,11 +11,11 @@ use pipeline::{
 };
 use serde::Serialize;
 
-use super::{super::super::simulate::closed_loop, AFTER, BEFORE, PATIENCE, controller::Controller, drawn::toml};
+use super::{super::super::simulate::closed_loop, BEFORE, PATIENCE, controller::Controller, drawn::toml};
 use crate::{
     failure::Failure,
     group::operator,
-    report::teeth::{Stopped, Teeth, TracePoint},
+    report::teeth::{AFTER, Stopped, Teeth, TracePoint},
 };
 
 /// Ticks between two places of the teeth that are kept for a picture.

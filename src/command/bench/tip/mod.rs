@@ -54,8 +54,6 @@ const PATIENCE: f64 = 1.5;
 /// Time in which the axes settle and come to the begin of the way, s: over a whole stroke with half of a slow axis'
 /// speed.
 const BEFORE: f64 = 45.0;
-/// Time for which the machine is watched after the end of the way, s.
-const AFTER: f64 = 3.0;
 
 /// Runs the command.
 pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {

@@ -10,10 +10,10 @@ fn the_model_is_compared_with_the_fallback_where_both_have_controlled() {
     let text = success(folder.path(), &[&worn[..], &["40s"]].concat());
     let figures = report(&[&worn[..], &["40s"]].concat());
     let (_, lines) = text.split_once("Tracking error in this run").unwrap();
-    let telescope = &figures["axes"]["telescope"];
-    let [model, fallback] = [&telescope["tracking_by_model"]["rmse"], &telescope["rmse_by_fallback"]]
-        .map(|rmse| 1e3 * rmse.as_f64().unwrap());
-    let line = format!("\n telescope: model {model:.1} mm, fallback {fallback:.1} mm\n");
+    let arm = &figures["axes"]["arm"];
+    let [model, fallback] =
+        [&arm["tracking_by_model"]["rmse"], &arm["rmse_by_fallback"]].map(|rmse| 1e3 * rmse.as_f64().unwrap());
+    let line = format!("\n arm: model {model:.1} mm, fallback {fallback:.1} mm\n");
     assert!(lines.contains(&line), "{line}{text}");
     assert!(!lines.contains(" boom: "), "no model controls it: {text}");
     let short = success(folder.path(), &[&worn[..], &["5s"]].concat());

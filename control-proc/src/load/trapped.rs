@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! g' = g + f (h - g) p/(p + p_a)          h = min(g, 1 - n + n g sqrt(1 + A_1 p/P))          n = k_2/(k_1 + k_2)
-//! f  = max(0, 1 - x/(0.05 S))
+//! f  = min(1, max(0, 2 - x/(0.05 S)))
 //! ```
 //!
 //! g by how much the load that pulls with P N makes the axis faster, and g' by how much it does now; 1 chamber that is
@@ -25,7 +25,7 @@ use crate::{cylinder::Cylinder, fallback::feedforward::STILL};
 
 /// p_a: below it a chamber is soft by the air in its oil, and about to be empty.
 const SOFT: f64 = 1e6;
-/// Part of the stroke over which f falls to 0.
+/// Part of the stroke from which on f falls, and over which it does.
 const REACH: f64 = 0.05;
 
 /// What one axis has trapped.
@@ -89,7 +89,7 @@ impl Trapped {
             let outlet = g * (1.0 + areas[1 - i] * trapped / pull).sqrt();
             let share = left[i] * left[i];
             let both = (1.0 - share + share * outlet).min(g);
-            let fading = if moves { (1.0 - way / self.reach).max(0.0) } else { 1.0 };
+            let fading = if moves { (2.0 - way / self.reach).clamp(0.0, 1.0) } else { 1.0 };
             g + fading * (both - g) * trapped / (trapped + SOFT)
         })
     }
@@ -142,12 +142,13 @@ mod tests {
         let falling = at(0.5, 0.1, 5e5);
         assert!(falling > standing);
         assert_eq!(at(0.5, 0.1, 1e7), falling);
-        // Half of 0.05 times 1.49 m, and all of it.
-        let half = at(0.5 + 0.03725, 0.1, 5e5);
+        // 0.05 times 1.49 m, half as much again, and twice as much.
+        assert_eq!(at(0.5 + 0.0744, 0.1, 5e5), falling);
+        let half = at(0.5 + 0.11175, 0.1, 5e5);
         assert!((half - 0.5 * (falling + 2.0)).abs() < 1e-9, "{half} {falling}");
-        assert_eq!(at(0.6, 0.1, 1e7), 2.0);
+        assert_eq!(at(0.5 + 0.15, 0.1, 1e7), 2.0);
         // The next motion begins anew.
-        assert_eq!(at(0.6, 0.0, 2e6), standing);
+        assert_eq!(at(0.7, 0.0, 2e6), standing);
     }
 
     #[test]

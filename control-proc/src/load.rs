@@ -12,8 +12,8 @@
 //! times the frequency of the commissioning. The same command moves the axis g times as fast. A greater mass swings
 //! slower on its spring of oil, and the gains are p times as large as those of the machine file, so that the margin
 //! stays. A load that overruns its axis empties the chamber that is filled, and hangs on the oil of the other one alone
-//! (`Cylinder::left`); until it is empty, g is less (`trapped`). With pressure feedback a newton counts n times as much,
-//! so that the damping ratio stays.
+//! (`Cylinder::left`); until it is empty, g is less (`trapped`). With pressure feedback a newton counts n times as
+//! much, so that the damping ratio stays.
 //!
 //! An axis of which no swing was found may swing under a greater mass, or on one chamber. Its swing is taken to be the
 //! one of its oil (`Cylinder::frequency`), with a damping ratio of 0.1, and its gains leave a gain margin of 1.7, or as

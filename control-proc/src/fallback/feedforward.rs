@@ -10,10 +10,10 @@
 //! [`Commissioned`], g what the load makes of its speeds and v_F what the forces of the motion take of them ([`Load`]),
 //! which neither turns a motion round nor more than doubles it, v_r coming speed in m/s, v_s [`STILL`], u_r command. b
 //! is the part of the dead band that is compensated ([`Commissioned::compensated_dead_band`]), in the direction of the
-//! motion that begins in the 2 tau_s after t + L, or in the 2 tau_p where these are longer, and 0 where none does; tau_s
-//! is tau without the delay of a load that swings, tau_p the time constant of the pump. A command that is sent now acts
-//! in the middle of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual loop of
-//! mobile hydraulics, with references that are known ahead.
+//! motion that begins in the 2 tau_s after t + L, or in the 2 tau_p where these are longer, and 0 where none does;
+//! tau_s is tau without the delay of a load that swings, tau_p the time constant of the pump. A command that is sent
+//! now acts in the middle of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual
+//! loop of mobile hydraulics, with references that are known ahead.
 //!
 //! Traps: without the lead, feed-forward is late by the dead time, and the feedback corrects an error that is none. The
 //! references of a channel end with the preview of its message: beyond it the axis is assumed to stand. And a spool

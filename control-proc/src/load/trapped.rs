@@ -21,8 +21,10 @@
 
 use pipeline::machine::{Axis, Overrun};
 
-use crate::{cylinder::Cylinder, fallback::feedforward::STILL};
+use crate::cylinder::Cylinder;
 
+/// Speed of the reference from which on the axis moves, m/s.
+const MOVES: f64 = 1e-3;
 /// p_a: below it a chamber is soft by the air in its oil, and about to be empty.
 const SOFT: f64 = 1e6;
 /// Part of the stroke from which on f falls, and over which it does.
@@ -70,7 +72,7 @@ impl Trapped {
             return faster;
         };
         let speed = (next - now) / self.period;
-        let side = (speed.abs() >= STILL).then_some(usize::from(speed < 0.0));
+        let side = (speed.abs() >= MOVES).then_some(usize::from(speed < 0.0));
         if self.side != side {
             (self.side, self.from, self.least) = (side, now, [f64::INFINITY; 2]);
         }

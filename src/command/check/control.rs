@@ -36,7 +36,8 @@ pub fn doubtful(machine: &Machine) -> Vec<String> {
 
 /// A warning for axes that are to move the teeth and were never commissioned.
 fn unmeasured(machine: &Machine) -> Option<String> {
-    let axes = machine.axes.iter().filter(|axis| axis.reference == ReferenceSource::Tip && axis.commissioned.is_none());
+    let of_teeth = machine.axes.iter().filter(|axis| axis.reference == ReferenceSource::Tip);
+    let axes = of_teeth.filter(|axis| axis.commissioned.is_none());
     let names: Vec<String> = axes.map(|axis| format!("axis.{}", axis.name)).collect();
     (!names.is_empty()).then(|| {
         format!(

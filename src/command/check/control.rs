@@ -41,8 +41,8 @@ fn unmeasured(machine: &Machine) -> Option<String> {
     let names: Vec<String> = axes.map(|axis| format!("axis.{}", axis.name)).collect();
     (!names.is_empty()).then(|| {
         format!(
-            "tip: found no commissioned model of {}. Without one an axis lags behind its part of the way, teeth stray by \
-             some tens of millimetres, and axes may be latched: `hydraxis commission` measures it",
+            "tip: found no commissioned model of {}. Without one an axis lags behind its part of the way, the teeth \
+             stray by some tens of millimetres, and axes may be latched: `hydraxis commission` measures it",
             names.join(", ")
         )
     })
@@ -130,4 +130,18 @@ fn outside(axis: &Axis) -> Option<String> {
              from there the axis is moved inwards only"
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_of_the_teeth_that_were_never_commissioned_are_named() {
+        let mut machine = Machine::load(None, &[]).unwrap();
+        machine.axes[2].commissioned = None;
+        assert_eq!(unmeasured(&machine), None, "it does not move the teeth");
+        machine.axes.iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
+        assert!(unmeasured(&machine).is_some_and(|warning| warning.contains("model of axis.telescope. Without")));
+    }
 }

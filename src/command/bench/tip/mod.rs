@@ -76,10 +76,10 @@ pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {
     let names = controllers.iter().map(|controller| controller.name).collect();
     let report = TipReport::new(drawn_with, names, parallel::map(threads, "runs", &cases, Case::drive)?);
     if let (Some(file), Some(mechanism)) = (&arguments.picture, &machines[0].mechanism) {
-        let runs: Vec<_> = report.rows().iter().map(|row| (row.controller, row.trace.clone())).collect();
-        let row = &report.rows()[0];
+        let rows = report.rows();
+        let row = &rows[0];
         let title = format!("{}, {} m/s, {} kg, {}", row.task, row.speed, row.payload, row.scenario);
-        let text = picture(mechanism, &title, &runs);
+        let text = picture(mechanism, &title, rows);
         written("--picture", file, create("--picture", file)?.write_all(text.as_bytes()))?;
     }
     Ok(output.write(|| report.tables(), &report)?)

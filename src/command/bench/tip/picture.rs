@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 
 use mechanism::{Mechanism, Vector};
 
+use super::case::Row;
 use crate::report::{
     motion::{
         outline::{GROUND, View, line, listed},
@@ -36,8 +37,8 @@ pub const MOST_RUNS: usize = 4;
 const NAMES: usize = 2;
 const NAME_HEIGHT: f64 = 22.0;
 
-/// Draws the runs of one task by the names of their controllers.
-pub fn picture(mechanism: &Mechanism, title: &str, runs: &[(&str, Vec<TracePoint>)]) -> String {
+/// Draws the runs of one task, by the names of their controllers and with their figures.
+pub fn picture(mechanism: &Mechanism, title: &str, rows: &[Row]) -> String {
     let (width, height) = SIZE;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
@@ -47,23 +48,22 @@ pub fn picture(mechanism: &Mechanism, title: &str, runs: &[(&str, Vec<TracePoint
     );
     let ground = VIEW.origin.1;
     line(&mut svg, &[(0.0, ground), (width, ground)], GROUND, 2.0, "");
-    if let Some((_, first)) = runs.first() {
+    if let Some(Row { trace: first, .. }) = rows.first() {
         poses(&mut svg, &Side::new(mechanism), first);
         let way: Vec<_> = first.iter().map(|point| VIEW.at(point.planned)).collect();
         line(&mut svg, &way, "#202020", 1.5, " stroke-dasharray=\"6 4\"");
     }
-    for (number, ((name, run), colour)) in runs.iter().zip(COLOURS).enumerate() {
-        band(&mut svg, run, colour);
+    for (number, (row, colour)) in rows.iter().zip(COLOURS).enumerate() {
+        band(&mut svg, &row.trace, colour);
         let x = 20.0 + 480.0 * (number % NAMES) as f64;
         let y = 56.0 + NAME_HEIGHT * (number / NAMES) as f64;
-        let rms = (run.iter().map(|point| point.error * point.error).sum::<f64>() / run.len().max(1) as f64).sqrt();
-        let most = run.iter().map(|point| point.error.abs()).fold(0.0, f64::max);
-        let text = format!("{name}: {:.1} mm rms, at most {:.1} mm", 1e3 * rms, 1e3 * most);
+        let [rms, most] = [row.rms, row.max].map(|error| 1e3 * error.unwrap_or_default());
+        let text = format!("{}: {rms:.1} mm rms, at most {most:.1} mm", row.controller);
         let _ = writeln!(svg, "<text x=\"{x}\" y=\"{y}\" fill=\"{colour}\">{text}</text>");
     }
-    let y = 58.0 + NAME_HEIGHT * runs.len().div_ceil(NAMES) as f64;
+    let y = 58.0 + NAME_HEIGHT * rows.len().div_ceil(NAMES) as f64;
     let _ = writeln!(svg, "<text x=\"20\" y=\"{y}\" fill=\"#606060\">band: error times {LARGER}</text>");
-    panel(&mut svg, runs);
+    panel(&mut svg, rows);
     svg + "</svg>\n"
 }
 
@@ -94,9 +94,9 @@ fn band(svg: &mut String, run: &[TracePoint], colour: &str) {
 }
 
 /// Errors over the length of the way.
-fn panel(svg: &mut String, runs: &[(&str, Vec<TracePoint>)]) {
+fn panel(svg: &mut String, rows: &[Row]) {
     let (left, top, width, height) = PANEL;
-    let all = || runs.iter().flat_map(|(_, run)| run);
+    let all = || rows.iter().flat_map(|row| &row.trace);
     let most = all().map(|point| point.error.abs()).fold(LEAST_RANGE, f64::max);
     let length = all().map(|point| point.s).fold(f64::MIN_POSITIVE, f64::max);
     let at = |s: f64, error: f64| (left + width * s / length, top + 0.5 * height * (1.0 - error / most));
@@ -111,8 +111,8 @@ fn panel(svg: &mut String, runs: &[(&str, Vec<TracePoint>)]) {
             1e3 * error
         );
     }
-    for ((_, run), colour) in runs.iter().zip(COLOURS) {
-        let points: Vec<_> = run.iter().map(|point| at(point.s, point.error)).collect();
+    for (row, colour) in rows.iter().zip(COLOURS) {
+        let points: Vec<_> = row.trace.iter().map(|point| at(point.s, point.error)).collect();
         line(svg, &points, colour, 1.5, "");
     }
     let _ = writeln!(

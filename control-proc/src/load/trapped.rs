@@ -78,7 +78,7 @@ impl Trapped {
         }
         let way = (now - self.from).abs();
         let (areas, left) = (self.cylinder.drained(), self.cylinder.left(position));
-        let least = [self.overrun.extend, self.overrun.retract];
+        let overrun = [self.overrun.extend, self.overrun.retract];
         std::array::from_fn(|i| {
             let pressure = [piston, rod][i].max(0.0);
             let moves = side == Some(i);
@@ -87,7 +87,7 @@ impl Trapped {
             if g <= 1.0 {
                 return g;
             }
-            let pull = least[i] * g * g;
+            let pull = overrun[i] * g * g;
             let outlet = g * (1.0 + areas[1 - i] * trapped / pull).sqrt();
             let share = left[i] * left[i];
             let both = (1.0 - share + share * outlet).min(g);

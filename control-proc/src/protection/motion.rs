@@ -4,13 +4,14 @@
 //! stuck     sum of s(u) T while u is one way >= stuck_after + t_d, and y has not changed at all for stuck_after
 //!           s(u) = 0 up to d + 0.05, 1 from d + 0.1 on, a straight line between them
 //! stalled   u beyond d + 0.1 one way for t_s + t_r, in which y has not moved that way by 0.4 s * v_max / 200 or 5 r;
-//!           t_s after y has turned, where the axis ran on against u for up to t_s + t_r
+//!           t_s after y has turned, where the axis ran on against u for up to t_s + t_r, or a load pushed it back, by
+//!           5 r or further than ever, within t_r + 4 t_p of its last motion
 //! t_s       0.4 s, or 5 r / (v_max / 50) where that is longer, but at most 2 s
 //! ```
 //!
 //! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s,
-//! t_r dead time and time constant of the commissioned model together, at least t_d, s, v_max `max_speed` m/s, r length
-//! of a count m. All times begin anew after a gap in the ticks that is longer than `drive_timeout`: by then the drive
+//! t_r dead time and time constant of the commissioned model together, at least t_d, s, t_p time constant of a
+//! load-sensing pump, s, at most t_s / 4, v_max `max_speed` m/s, r length of a count m. All times begin anew after a gap in the ticks that is longer than `drive_timeout`: by then the drive
 //! is neutral.
 //!
 //! Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled is an axis
@@ -41,6 +42,8 @@ const LONGEST_STALL_TIME: f64 = 2.0;
 const HARDLY_MOVING: f64 = 0.005;
 /// Counts of the encoder that are no motion.
 pub const NOISE_COUNTS: f64 = 5.0;
+/// t_p after which a pump has followed a load.
+const PUMP_RESPONSES: f64 = 4.0;
 /// Part of `max_speed` at which an axis has the time to pass these counts.
 const SEEN_SPEED: f64 = 0.02;
 
@@ -99,6 +102,9 @@ impl Motion {
         let dead_time = axis.identification.structure.nk as u64;
         let reaction = axis.commissioned.as_ref().map_or(0.0, Commissioned::reaction);
         let reaction_ticks = dead_time.max((reaction / timing.period.as_secs_f64()).ceil() as u64);
+        let stall_ticks = ticks(stall_time(axis));
+        let noise = NOISE_COUNTS * axis.encoder.resolution;
+        let pump = Duration::from_secs_f64(PUMP_RESPONSES * axis.control.pump_response);
         Self {
             dead_band: (dead_band.retract, dead_band.extend),
             still_ticks: ticks(axis.encoder.stuck_after),
@@ -108,11 +114,15 @@ impl Motion {
             driven: 0.0,
             stall: Stall {
                 reaction: reaction_ticks,
-                longest: ticks(stall_time(axis)) + reaction_ticks,
-                least: (HARDLY_MOVING * axis.max_speed * STALL_TIME).max(NOISE_COUNTS * axis.encoder.resolution),
+                longest: stall_ticks + reaction_ticks,
+                pushed: if pump.is_zero() { 0 } else { reaction_ticks + ticks(pump).min(stall_ticks) },
+                least: (HARDLY_MOVING * axis.max_speed * STALL_TIME).max(noise),
+                noise,
                 driven: 0,
+                unmoved: 0,
                 since: 0,
                 from: 0.0,
+                ahead: 0.0,
             },
             still: 0,
             position: f64::NAN,
@@ -161,38 +171,52 @@ struct Stall {
     reaction: u64,
     /// Ticks without motion after which the axis is stalled.
     longest: u64,
+    /// Ticks without motion for which a load may push the axis back.
+    pushed: u64,
     /// Least way that is motion, m.
     least: f64,
+    /// Motion that may be noise, m.
+    noise: f64,
     /// Ticks for which the command has been beyond the dead band and the margin for stalled, one way.
     driven: u64,
-    /// How many of these ticks have passed since the axis has last moved by `least`; at most `reaction` at the furthest
-    /// point of a run-out.
+    /// How many of these ticks have passed since the axis has last moved by `least`.
+    unmoved: u64,
+    /// The same, but at most `reaction` at the furthest point of a run-out, or of where a load has pushed the axis.
     since: u64,
-    /// Position from which the motion is measured: where the axis was then, or the furthest point of the run-out, m.
+    /// Position from which the motion is measured: where the axis was then, or that furthest point, m.
     from: f64,
+    /// Most advanced position since then, m.
+    ahead: f64,
 }
 
 impl Stall {
     /// The command does not drive the axis, or drives it the other way.
     fn reset(&mut self) {
-        (self.driven, self.since) = (0, 0);
+        (self.driven, self.unmoved, self.since) = (0, 0, 0);
     }
 
     /// The command has driven the axis for so many more ticks.
     fn drive(&mut self, ticks: u64) {
         self.driven = self.driven.saturating_add(ticks);
+        self.unmoved = self.unmoved.saturating_add(ticks);
         self.since = self.since.saturating_add(ticks);
     }
 
     /// Begins the time of a stall anew where the axis has moved in `direction`, and measures the motion from the
-    /// furthest point of a run-out.
+    /// furthest point against it.
     fn measure(&mut self, position: f64, direction: f64) {
         let way = (position - self.from) * direction;
         if self.driven == 0 || way >= self.least {
-            (self.since, self.from) = (0, position);
-        } else if way < 0.0 && self.driven <= self.longest {
+            (self.unmoved, self.since, self.from, self.ahead) = (0, 0, position, position);
+            return;
+        }
+        let runs_out = way < 0.0 && self.driven <= self.longest;
+        let goes_back = way < 0.0 || (self.ahead - position) * direction >= self.noise;
+        if runs_out || goes_back && self.unmoved <= self.pushed {
             // The axis turns because the command acts, so its reaction is over there.
-            (self.since, self.from) = (self.since.min(self.reaction), position);
+            (self.since, self.from, self.ahead) = (self.since.min(self.reaction), position, position);
+        } else if (position - self.ahead) * direction > 0.0 {
+            self.ahead = position;
         }
     }
 }
@@ -286,6 +310,45 @@ mod tests {
         assert_eq!(stands(|_| 0.3, |k| noise(k) + 6e-5 * k as f64), None);
         assert!(stands(|_| 0.3, |k| noise(k) - 1e-3 * k as f64).is_some());
         assert_eq!(stands(|k| if k % 40 == 0 { 0.0 } else { 0.3 }, noise), None);
+    }
+
+    /// Tick, from when a load comes, at which an axis is stalled that had risen and goes on by `way` m; on the test
+    /// machine (t_s + t_r of 45 ticks) with a pump of `pump` s.
+    fn stalls_after(pump: f64, way: impl Fn(u64) -> f64) -> Option<u64> {
+        let mut machine = machine(1);
+        machine.axes[0].control.pump_response = pump;
+        let mut motion = Motion::new(&machine.axes[0], &machine.timing);
+        let position = |k: u64| noise(k) + 1e-3 * k.min(100) as f64 + way(k.saturating_sub(100));
+        (0..400).find(|k| motion.update(1, 0.3, Some(position(*k))).is_some()).map(|k| k - 100)
+    }
+
+    /// The same of an axis that goes back for `back` ticks and then on with 10 mm/s, or not at all.
+    fn stalls_under_load(pump: f64, back: u64, goes_on: bool) -> Option<u64> {
+        let on = |k: u64| if goes_on { k.saturating_sub(back) } else { 0 };
+        stalls_after(pump, |k| 1e-4 * on(k) as f64 - 5e-4 * k.min(back) as f64)
+    }
+
+    #[test]
+    fn an_axis_that_a_load_pushes_back_has_the_time_that_the_pump_needs() {
+        // The load is lifted once the pump has followed. One that holds its pressure has nothing to follow.
+        assert_eq!(stalls_under_load(0.1, 35, true), None);
+        assert!(stalls_under_load(0.0, 35, true).is_some_and(|tick| tick <= 46));
+        // It is not lifted: stalled 0.4 s after the axis has come to a stand.
+        let held = stalls_under_load(0.1, 35, false).unwrap();
+        assert!((75..=77).contains(&held), "{held}");
+        // It pushes the axis on: stalled after t_s + t_r + 4 t_p, and by a slow pump no later than after 2 t_s + t_r.
+        let pushed = [0.05, 0.1, 2.0].map(|pump| stalls_under_load(pump, 300, false).unwrap());
+        assert!((64..=67).contains(&pushed[0]), "{pushed:?}");
+        assert!(pushed[1..].iter().all(|tick| (84..=87).contains(tick)), "{pushed:?}");
+        // Before it goes back by 0.8 mm it creeps on by 1.4 mm, less than what is motion.
+        let creeps = |k: u64| {
+            let [on, back, up] = [k.min(20), k.clamp(20, 35) - 20, k.saturating_sub(35)].map(|k| k as f64);
+            7e-5 * on - 5.5e-5 * back + 1e-4 * up
+        };
+        assert_eq!(stalls_after(0.1, creeps), None);
+        assert!(stalls_after(0.0, creeps).is_some_and(|tick| tick <= 46));
+        // An axis that stands is stalled as early as by any pump.
+        assert_eq!(stalls_under_load(0.1, 0, false), stalls_under_load(0.0, 0, false));
     }
 
     /// An axis behind a dead time and two lags: what it does is what was commanded long before.

@@ -11,8 +11,8 @@
 //!
 //! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s,
 //! t_r dead time and time constant of the commissioned model together, at least t_d, s, t_p time constant of a
-//! load-sensing pump, s, at most t_s / 4, v_max `max_speed` m/s, r length of a count m. All times begin anew after a gap in the ticks that is longer than `drive_timeout`: by then the drive
-//! is neutral.
+//! load-sensing pump, s, at most t_s / 4, v_max `max_speed` m/s, r length of a count m. All times begin anew after a gap
+//! in the ticks that is longer than `drive_timeout`: by then the drive is neutral.
 //!
 //! Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled is an axis
 //! without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.

@@ -27,8 +27,9 @@
 //! oil fades more quickly.
 //!
 //! Gains without an integral would hold a drift beside its set point. With them the fallback holds it at the error e +
-//! p ([`push`]) until a reference moves: at once where pulses were too slow for it, and where the axis drifts on by
-//! e_drift after it was left, until it is back at its set point. There it rests, and p is there when it drifts again.
+//! p ([`push`]) until a reference moves: at once where pulses were too slow for it, and where the axis drifts by e_drift
+//! from its least error since it was left, until it is back at its set point. There it rests, and p is there when it
+//! drifts again.
 //!
 //! A valve whose hysteresis is wider than its dead band does not shut at neutral, as its spool stays beside the middle.
 //! Such an axis neither rests nor creeps: the fallback regulates it, which knows the hysteresis.
@@ -152,7 +153,7 @@ pub struct Standstill {
 /// Following errors of an axis that is held, m.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Rest {
-    /// |e| at the begin of the phase.
+    /// |e| at the begin of the phase; least |e| since then of an axis that is left.
     begin: f64,
     /// m.
     mean: f64,
@@ -256,7 +257,10 @@ impl Standstill {
             Phase::Left if self.push.is_needed() && distance > self.rest.begin + DRIFT_RATIO * self.bound => {
                 self.hold(elapsed, error, false)
             }
-            Phase::Left => Stand::Follow,
+            Phase::Left => {
+                self.rest.begin = self.rest.begin.min(distance);
+                Stand::Follow
+            }
             Phase::Held { is_fast: false } if self.push.is_over(error) => self.rest(),
             Phase::Held { is_fast } => self.hold(elapsed, error, is_fast),
             Phase::Follows if !is_still => Stand::Follow,
@@ -596,6 +600,13 @@ mod tests {
         let error = |k: i32| -8e-3 * f64::from((k - 30).max(0)) * PERIOD;
         let stands: Vec<Stand> = (0..200).map(|k| standstill.update(1, error(k), &[0.5; 2], 0.0, false)).collect();
         assert!(matches!(stands[199], Stand::Regulate(push) if push < 0.0), "{:?}", stands[199]);
+        // Pulses do not help an axis that stands, so it is left. Then it comes nearer, from 5 to 2 mm, and drifts off.
+        let mut standstill = Standstill::new(&axis, PERIOD);
+        let error = |k: i32| if k < 300 { 5e-3 } else { 2e-3 + 1e-3 * f64::from(k - 300) * PERIOD };
+        let pushed = (0..600).find(
+            |k| matches!(standstill.update(1, error(*k), &[0.5; 2], 0.0, false), Stand::Regulate(push) if push > 0.0),
+        );
+        assert!(pushed.is_some_and(|tick| (440..=460).contains(&tick)), "{pushed:?}");
         // An axis that stands is not pushed.
         let mut standstill = Standstill::new(&axis, PERIOD);
         let mut stands = (0..2000).map(|_| standstill.update(1, 5e-3, &[0.5; 2], 0.0, false));

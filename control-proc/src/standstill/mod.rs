@@ -27,9 +27,9 @@
 //! oil fades more quickly.
 //!
 //! Gains without an integral would hold a drift beside its set point. With them the fallback holds it at the error e +
-//! p ([`push`]) until a reference moves: at once where pulses were too slow for it, and where the axis drifts by e_drift
-//! from its least error since it was left, until it is back at its set point. There it rests, and p is there when it
-//! drifts again.
+//! p ([`push`]) until a reference moves: at once where pulses were too slow for it, and where the axis drifts by
+//! e_drift from its least error since it was left, until it is back at its set point. There it rests, and p is there
+//! when it drifts again.
 //!
 //! A valve whose hysteresis is wider than its dead band does not shut at neutral, as its spool stays beside the middle.
 //! Such an axis neither rests nor creeps: the fallback regulates it, which knows the hysteresis.

@@ -42,6 +42,21 @@ impl ExperimentRecord {
         }
     }
 
+    /// Standard deviation of the noise of the positions before the first command, m; 0 of a record without them.
+    ///
+    /// ```text
+    /// sigma^2 = mean of (y(k-1) - 2 y(k) + y(k+1))^2 / 6
+    /// ```
+    ///
+    /// An axis that drifts, or swings slowly, adds next to nothing to these differences.
+    pub fn noise(&self) -> f64 {
+        let rest = self.commands.iter().take_while(|command| **command == 0.0).count();
+        let positions = &self.positions[..rest.min(self.positions.len())];
+        let bends = positions.windows(3).map(|part| part[0] - 2.0 * part[1] + part[2]).filter(|bend| bend.is_finite());
+        let (sum, count) = bends.fold((0.0, 0.0), |(sum, count), bend| (sum + bend * bend, count + 1.0));
+        if count > 0.0 { (sum / (6.0 * count)).sqrt() } else { 0.0 }
+    }
+
     /// Takes in the load of the axis with this index, where `machine` has a mechanism: its axes were at `positions` m
     /// at the end of the experiment, in which the others stood.
     pub fn bear(&mut self, machine: &Machine, axis: usize, positions: &[f64]) {
@@ -66,5 +81,41 @@ impl ExperimentRecord {
             self.least_overruns = [plant.rod_area, plant.piston_area].map(|area| LEAST_OVERRUNNING * area);
             self.loads = loads;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A record of 0.5 s at rest and 0.5 s of commands; `position` of a time in s and a random number from -1 to 1.
+    fn record(position: impl Fn(f64, f64) -> f64) -> ExperimentRecord {
+        let mut record = ExperimentRecord::new(0.01, 100);
+        let mut state: u64 = 7;
+        for k in 0..100 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let random = 2.0 * (state >> 11) as f64 / (1u64 << 53) as f64 - 1.0;
+            record.commands.push(if k < 50 { 0.0 } else { 0.3 });
+            record.positions.push(position(0.01 * f64::from(k), random));
+        }
+        record
+    }
+
+    #[test]
+    fn the_noise_is_that_at_rest_less_drift_and_swing() {
+        // Even noise of +- 0.3 mm has a standard deviation of 0.17 mm.
+        let even = 0.3e-3 / 3f64.sqrt();
+        let noise = |record: ExperimentRecord| record.noise();
+        let rest = noise(record(|_, random| 0.6 + 3e-4 * random));
+        assert!((0.8 * even..1.2 * even).contains(&rest), "{rest} {even}");
+        let swings = |time: f64| 5e-3 * time + 0.1e-3 * (std::f64::consts::TAU * 2.0 * time).sin();
+        let moves = noise(record(|time, random| 0.6 + swings(time) + 3e-4 * random));
+        assert!((moves - rest).abs() < 0.01 * rest, "{moves} {rest}");
+        assert!(noise(record(|time, _| 0.6 + swings(time))) < 1e-6);
+        // What is commanded shows in nothing of it, nor does a missing sample.
+        assert_eq!(noise(record(|time, random| if time < 0.5 { 0.6 } else { random })), 0.0);
+        let gaps = noise(record(|time, random| if time == 0.1 { f64::NAN } else { 0.6 + 3e-4 * random }));
+        assert!((gaps - rest).abs() < 0.1 * rest, "{gaps} {rest}");
+        assert_eq!(ExperimentRecord::new(0.01, 10).noise(), 0.0);
     }
 }

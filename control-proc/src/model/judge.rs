@@ -395,6 +395,7 @@ mod tests {
             largest_tested: [f64::INFINITY; 2],
             overrun: pipeline::machine::Overrun::NONE,
             mass: f64::INFINITY,
+            noise: 0.0,
             fit_percent: 99.0,
         });
         Judge::new(&machine.axes[0], 0.01)

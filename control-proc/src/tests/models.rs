@@ -61,6 +61,7 @@ pub fn commissioned() -> Commissioned {
         largest_tested: [f64::INFINITY; 2],
         overrun: pipeline::machine::Overrun::NONE,
         mass: f64::INFINITY,
+        noise: 0.0,
         fit_percent: 100.0,
     }
 }

@@ -94,6 +94,7 @@ fn table(name: &str, hardware: &Hardware, model: &Commissioned) -> String {
         hysteresis,
         natural_frequency,
         damping,
+        noise,
         openings,
         speeds_extend,
         speeds_retract,
@@ -104,7 +105,7 @@ fn table(name: &str, hardware: &Hardware, model: &Commissioned) -> String {
         "\n[axis.{name}.commissioned]\nmeasured_on = \"{}\"\ndead_time = {dead_time:?}\n\
          time_constant = {time_constant:?}\n\
          dead_band_extend = {:?}\ndead_band_retract = {:?}\nhysteresis = {hysteresis:?}\n\
-         natural_frequency = {natural_frequency:?}\ndamping = {damping:?}\n\
+         natural_frequency = {natural_frequency:?}\ndamping = {damping:?}\nnoise = {noise:?}\n\
          openings = {openings:?}\n\
          speeds_extend = {speeds_extend:?}\nspeeds_retract = {speeds_retract:?}\n\
          {}fit_percent = {fit_percent:?}    # of the motion half a second ahead\n",

@@ -175,7 +175,7 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     model.speeds_retract.iter_mut().for_each(|speed| *speed *= retract);
     model.overrun = seen.overrun(model.overrun);
     model.largest_tested = seen.commands;
-    (model.fit_percent, model.mass) = (chosen.explained, record.mass);
+    (model.fit_percent, model.mass, model.noise) = (chosen.explained, record.mass, record.noise());
     Ok(model)
 }
 

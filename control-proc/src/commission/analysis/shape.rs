@@ -153,6 +153,7 @@ impl Shape {
             largest_tested: [f64::INFINITY; 2],
             overrun: self.overrun,
             mass: f64::INFINITY,
+            noise: 0.0,
             fit_percent: f64::NAN,
         })
     }

@@ -21,6 +21,7 @@ fn commissioned() -> Commissioned {
         largest_tested: [f64::INFINITY; 2],
         overrun: Overrun::NONE,
         mass: f64::INFINITY,
+        noise: 0.0,
         fit_percent: 99.0,
     }
 }

@@ -49,6 +49,8 @@ pub struct Commissioned {
     pub overrun: Overrun,
     /// Mass that moved with the axis, kg; infinite where it is not known.
     pub mass: f64,
+    /// Standard deviation of the position's noise at rest, m; 0 where it is not known.
+    pub noise: f64,
     /// Part of the motion half a second ahead that the model explains, percent: 100 is all of it.
     pub fit_percent: f64,
 }
@@ -121,6 +123,9 @@ impl Commissioned {
             largest_tested: read_largest_tested(&mut section),
             overrun: Overrun::read(&mut section),
             mass: read_mass(&mut section),
+            noise: section
+                .key("noise", "Standard deviation of the noise of the position at rest; 0 where it is not known")
+                .number_or(0.0, 0.0..=0.1, "m"),
             fit_percent: section
                 .key("fit_percent", "Part of the motion half a second ahead that the model explains; 100 is all of it")
                 .number(-1e9..=100.0, ""),
@@ -341,6 +346,7 @@ mod tests {
             largest_tested: [f64::INFINITY; 2],
             overrun: Overrun::NONE,
             mass: f64::INFINITY,
+            noise: 0.0,
             fit_percent: 97.0,
         }
     }

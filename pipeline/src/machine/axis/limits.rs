@@ -33,6 +33,8 @@ const SPEED_DELAY: f64 = 0.02;
 const REST_COUNTS: f64 = 2.0;
 /// Least usual rest band, m, for encoders with finer counts.
 const USUAL_REST: f64 = 0.25e-3;
+/// Least usual rest band as multiple of the commissioned noise.
+const REST_NOISE: f64 = 3.0;
 /// Usual jerk per `max_speed`, 1/s2.
 const USUAL_JERK: f64 = 10.0;
 
@@ -161,7 +163,7 @@ impl LimitSettings {
         MotionLimits {
             stop_deceleration: self.stop_deceleration.unwrap_or_else(|| nature.deceleration()),
             stop_reaction,
-            rest_band: self.rest_band.unwrap_or(USUAL_REST).max(REST_COUNTS * nature.resolution),
+            rest_band: self.rest_band.unwrap_or_else(|| nature.rest_band()).max(REST_COUNTS * nature.resolution),
             jerk: self.jerk.unwrap_or_else(|| nature.jerk()),
         }
     }
@@ -174,6 +176,11 @@ impl Nature<'_> {
             let fast = FAST_REACTIONS * (model.reaction() + self.period + SPEED_DELAY);
             (REACTIONS * model.reaction()).max(fast.min(MotionLimits::UNKNOWN_REACTION))
         })
+    }
+
+    /// e, of any encoder.
+    fn rest_band(&self) -> f64 {
+        self.commissioned.map_or(USUAL_REST, |model| USUAL_REST.max(REST_NOISE * model.noise))
     }
 
     /// a.
@@ -201,7 +208,8 @@ const DECELERATION_RULE: &str = "0.5; with a commissioned model times the square
                                  stop_reaction, where that is below 0.3";
 const REACTION_RULE: &str = "0.3; with a commissioned model 3 times its dead_time + time_constant, at least 0.3 or 4 \
                              times these, a period and 20 ms together, whichever is less";
-const REST_RULE: &str = "2 counts of the encoder, at least 0.00025";
+const REST_RULE: &str = "2 counts of the encoder, at least 0.00025; with a commissioned model at least 3 times its \
+                         noise";
 const JERK_RULE: &str = "10 1/s2 times max_speed; with a commissioned model at most command_rate times the mean slope \
                          of its curve over its time_constant";
 
@@ -224,6 +232,7 @@ mod tests {
             largest_tested: [f64::INFINITY; 2],
             overrun: Overrun::NONE,
             mass: f64::INFINITY,
+            noise: 0.0,
             fit_percent: 99.0,
         }
     }
@@ -274,5 +283,18 @@ mod tests {
         }
         // Two counts at the least.
         assert_eq!(limits(LimitSettings { rest_band: Some(1e-5), ..settings }, None).rest_band, 2e-4);
+        // Noise says nothing then.
+        let noisy = Commissioned { noise: 3e-4, ..model(0.02, 0.02, 0.25) };
+        assert_eq!(limits(settings, Some(&noisy)).rest_band, 2.5e-4);
+    }
+
+    #[test]
+    fn an_axis_with_noise_rests_at_three_times_of_it() {
+        let rest = |noise: f64| {
+            let noisy = Commissioned { noise, ..model(0.02, 0.02, 0.25) };
+            limits(LimitSettings::default(), Some(&noisy)).rest_band
+        };
+        assert_eq!([0.0, 5e-5].map(rest), [0.25e-3; 2]);
+        assert!((rest(3e-4) - 0.9e-3).abs() < 1e-12, "{}", rest(3e-4));
     }
 }

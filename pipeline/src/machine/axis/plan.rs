@@ -201,6 +201,7 @@ mod tests {
             largest_tested: [f64::INFINITY; 2],
             overrun: Overrun::NONE,
             mass: f64::INFINITY,
+            noise: 0.0,
             fit_percent: 99.0,
         }
     }

@@ -112,6 +112,7 @@ fn right_model(rig: &Rig) -> Commissioned {
         largest_tested: [f64::INFINITY; 2],
         overrun: pipeline::machine::Overrun::NONE,
         mass: f64::INFINITY,
+        noise: 0.0,
         fit_percent: 95.0,
     }
 }

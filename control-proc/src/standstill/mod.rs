@@ -255,6 +255,7 @@ impl Standstill {
         let stands = self.watched.stands >= self.settled_ticks.0 && !comes_back;
         match self.phase {
             Phase::Left if self.push.is_needed() && distance > self.rest.begin + DRIFT_RATIO * self.bound => {
+                self.push.begin(error);
                 self.hold(elapsed, error, false)
             }
             Phase::Left => {
@@ -321,6 +322,7 @@ impl Standstill {
         let drift = (mean - shut).abs() * f64::from(settled) / f64::from((since - settled).max(half).max(1));
         let at_once = if since == settled { self.drift_at_once(mean.signum()) } else { 0.0 };
         if drift.max(at_once) > DRIFT_RATIO * self.bound {
+            self.push.begin(error);
             return if self.push.is_needed() { self.hold(1, error, true) } else { self.leave() };
         }
         self.creep(mean, last)
@@ -607,6 +609,13 @@ mod tests {
             |k| matches!(standstill.update(1, error(*k), &[0.5; 2], 0.0, false), Stand::Regulate(push) if push > 0.0),
         );
         assert!(pushed.is_some_and(|tick| (440..=460).contains(&tick)), "{pushed:?}");
+        // After 3 s it has been pushed past its set point. It drifts off on the other side, where no pulse helps either.
+        (0..300).for_each(|_| _ = standstill.update(1, 5e-3, &[0.5; 2], 0.0, false));
+        let error = |k: i32| if k < 300 { -2e-3 } else { -2e-3 - 1e-3 * f64::from(k - 300) * PERIOD };
+        let pushed = (0..600).filter(
+            |k| matches!(standstill.update(1, error(*k), &[0.5; 2], 0.0, false), Stand::Regulate(push) if push < 0.0),
+        );
+        assert!(pushed.count() > 100);
         // An axis that stands is not pushed.
         let mut standstill = Standstill::new(&axis, PERIOD);
         let mut stands = (0..2000).map(|_| standstill.update(1, 5e-3, &[0.5; 2], 0.0, false));

@@ -49,6 +49,13 @@ impl Push {
         self.now = 0.0;
     }
 
+    /// Begins to hold an axis at an error of `error` m. A p that holds the other way is of no use.
+    pub fn begin(&mut self, error: f64) {
+        if self.is_over(error) {
+            self.reset();
+        }
+    }
+
     /// p, m.
     pub fn now(&self) -> f64 {
         self.now

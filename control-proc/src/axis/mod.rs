@@ -226,9 +226,14 @@ impl AxisController {
     /// Lets an axis that tracks come to a stand and hold there, because another one does not trace the way with it.
     pub fn leave_way(&mut self) {
         if self.follows() && self.operation.mode == AxisMode::Track {
-            self.operation.mode = AxisMode::Hold;
-            self.references.hold(None);
+            self.stop_to_hold();
         }
+    }
+
+    /// Comes to a stand from where the axis is, and holds. Its reference may be far ahead, as where the pump has failed.
+    fn stop_to_hold(&mut self) {
+        self.operation.mode = AxisMode::Hold;
+        self.references.hold(self.feedback.position().map(|position| (position, self.feedback.speed())));
     }
 
     /// Lets an axis that tracks stand where its reference is, and go on its way from `tick` of the path on.
@@ -260,8 +265,7 @@ impl AxisController {
         // A set point that stands stays: an axis that sinks by leakage is to be brought back to it.
         let moves = self.operation.mode == AxisMode::Track || self.references.speed() != 0.0;
         if is_stopped && moves && self.follows() {
-            self.operation.mode = AxisMode::Hold;
-            self.references.hold(self.feedback.position().map(|position| (position, self.feedback.speed())));
+            self.stop_to_hold();
         }
     }
 

@@ -65,7 +65,7 @@ impl AxisController {
                     self.take_over();
                 }
                 match mode {
-                    AxisMode::Hold if before != mode => self.references.hold(None),
+                    AxisMode::Hold if before == AxisMode::Track => self.stop_to_hold(),
                     AxisMode::Track => self.references.track(),
                     _ => {}
                 }

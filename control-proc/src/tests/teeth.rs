@@ -195,6 +195,27 @@ fn an_axis_that_stops_before_the_begin_stops_the_others_as_well() {
 }
 
 #[test]
+fn axes_whose_references_are_far_ahead_stop_where_they_are() {
+    let stopped = |stop: &dyn Fn(&mut Ideal)| {
+        let mut ideal = Ideal { lag: 0.06, ..Ideal::new() };
+        ideal.positions = std::array::from_fn(|i| ideal.plan.points(i)[0].1 - 0.2);
+        ideal.controller.arm();
+        ideal.go_on(95);
+        let before = ideal.positions;
+        assert!(ideal.tick().axes.iter().take(AXES).all(|axis| axis.error > 0.05), "{before:?}");
+        ideal.lag = 0.0;
+        stop(&mut ideal);
+        let command = (0..300).map(|_| ideal.tick()).last().unwrap();
+        for axis in 0..3 {
+            assert_eq!(command.axes[axis].operation, AxisMode::Hold as u32, "{axis}");
+            assert!((ideal.positions[axis] - before[axis]).abs() < 0.05, "{axis}: {before:?}, {:?}", ideal.positions);
+        }
+    };
+    stopped(&|ideal| _ = ideal.ask([3], AxisMode::Off));
+    stopped(&|ideal| _ = ideal.ask(0..AXES, AxisMode::Hold));
+}
+
+#[test]
 fn an_axis_that_tracks_alone_stands_until_all_of_them_do() {
     let mut ideal = Ideal::new();
     ideal.controller.arm();

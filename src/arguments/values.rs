@@ -182,6 +182,12 @@ pub fn payload(text: &str) -> Result<f64, String> {
     mass.ok_or_else(|| format!("allowed: 0 to {HEAVIEST} kg, as {}", allowed_in("kg")))
 }
 
+/// A speed of the teeth, m/s.
+pub fn teeth_speed(text: &str) -> Result<f64, String> {
+    let speed = in_unit(text, "m/s").filter(|speed| TipTask::SPEEDS.contains(speed));
+    speed.ok_or_else(|| format!("allowed: 0.001 to 10 m/s, as {}", allowed_in("m/s")))
+}
+
 /// A length or a speed greater than 0 in `unit`.
 pub fn positive_in(unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
     let allowed = move || format!("allowed: more than 0 {unit}, as {}", allowed_in(unit));

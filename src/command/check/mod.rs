@@ -118,7 +118,12 @@ pub fn warnings(machine: &Machine) -> Vec<String> {
 
 /// What may go wrong in a run of this machine without a controller.
 pub fn warnings_of_plant(machine: &Machine) -> Vec<String> {
-    [models::doubtful(machine), overloads(machine)].concat()
+    [warnings_of_models(machine), overloads(machine)].concat()
+}
+
+/// Which axes of this machine have the model of another one.
+pub fn warnings_of_models(machine: &Machine) -> Vec<String> {
+    models::doubtful(machine)
 }
 
 /// The loops that are unstable with the control settings of this machine.

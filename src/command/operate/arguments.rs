@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use pipeline::{channel::Prefix, machine::TipTask, message::AxisMode};
+use pipeline::{channel::Prefix, message::AxisMode};
 
 use crate::{
-    arguments::values::{allowed_in, duration, in_unit, place, position, valve_command},
+    arguments::values::{duration, in_unit, place, position, teeth_speed, valve_command},
     teeth::PITCHES,
 };
 
@@ -109,12 +109,6 @@ fn tip(text: &str) -> Result<Tip, String> {
 pub fn pitch(text: &str) -> Result<f64, String> {
     let degrees = in_unit(text, "degrees").filter(|degrees| PITCHES.contains(degrees));
     degrees.ok_or_else(|| "allowed: -360 to 360 degrees".to_owned())
-}
-
-/// `--speed`: what `tip.speed` may be as well.
-pub fn teeth_speed(text: &str) -> Result<f64, String> {
-    let speed = in_unit(text, "m/s").filter(|speed| TipTask::SPEEDS.contains(speed));
-    speed.ok_or_else(|| format!("allowed: 0.001 to 10 m/s, as {}", allowed_in("m/s")))
 }
 
 impl OperateArguments {

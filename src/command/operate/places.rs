@@ -15,10 +15,10 @@ use std::{
 
 use super::{
     OperateArguments,
-    arguments::{Tip, pitch, teeth_speed},
+    arguments::{Tip, pitch},
 };
 use crate::{
-    arguments::values::place,
+    arguments::values::{place, teeth_speed},
     failure::Failure,
     teeth::{SPEED, TeethPlace},
 };

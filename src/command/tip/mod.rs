@@ -13,6 +13,7 @@ use pipeline::machine::Machine;
 
 use crate::{
     arguments::load_bare,
+    command::check,
     failure::Failure,
     report::{
         output::{Output, create, expect_one_stdout, is_stdout, written},
@@ -35,6 +36,9 @@ pub fn run(arguments: &TipArguments) -> Result<(), Failure> {
         return Err(Failure::usage(format!(
             "--plot: found \"{found}\"; allowed: a file that ends with .svg, or - for standard output"
         )));
+    }
+    for warning in check::warnings_of_models(&machine) {
+        eprintln!("warning: {warning}");
     }
     let plan = TipPlan::of_task(&machine).map_err(Failure::usage)?;
     let Some((plan, account)) = plan.and_then(|plan| plan.account(&machine).map(|account| (plan, account))) else {

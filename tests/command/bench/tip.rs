@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use serde_json::Value;
 
-use crate::harness::cli::{expect_refusal, success};
+use crate::harness::cli::{expect_refusal, run, success};
 
 /// One task with one speed, payload and scenario.
 const ONE: [&str; 10] =
@@ -123,6 +123,17 @@ fn a_task_near_a_wall_is_refused_or_done() {
 }
 
 #[test]
+fn a_model_of_another_machine_is_warned_of() {
+    let examples = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/");
+    let files = ["excavator-servo.toml", "excavator-model.toml"].map(|name| format!("{examples}{name}"));
+    let foreign = [files[0].as_str(), "--model", files[1].as_str()];
+    for command in [&[&ONE[..], &foreign].concat()[..], &[&["tip"][..], &foreign].concat()] {
+        let errors = String::from_utf8(run(Path::new("."), command).stderr).unwrap();
+        assert!(errors.contains("warning: axis.boom.commissioned.measured_on: found"), "{command:?}\n{errors}");
+    }
+}
+
+#[test]
 fn seeds_are_summed_up_and_a_picture_shows_up_to_four_controllers() {
     let folder = tempfile::tempdir().unwrap();
     let two = [&ONE[..], &["--without", "scaling", "--seeds", "2"]].concat();
@@ -145,6 +156,7 @@ fn what_makes_no_sense_is_refused_with_what_is_allowed() {
     let refuse = |more: &[&str], expected: &[&str]| {
         expect_refusal(folder.path(), &[&["bench", "tip"], more].concat(), expected);
     };
+    refuse(&["--speed", "100m/s"], &["--speed", "found \"100m/s\"", "allowed: 0.001 to 10 m/s"]);
     refuse(&["--drawn", "3", "--seed", "x"], &["--seed: found \"x\"; allowed: a whole number"]);
     let open = ["--scenario: found \"open-loop\"", "allowed: scenarios without commands, as nominal, cold-start, "];
     refuse(&["--scenario", "open-loop"], &open);

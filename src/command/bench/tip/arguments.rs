@@ -7,7 +7,7 @@ use clap::Args;
 use super::{controller::Without, task::TipTaskKind};
 use crate::arguments::{
     BareMachine,
-    values::{in_range, payload, positive_in, whole},
+    values::{in_range, payload, teeth_speed, whole},
 };
 
 /// Options of the six tasks, which drawn tasks have not. What requires `--drawn` conflicts with them, too: beside them
@@ -31,7 +31,7 @@ pub struct BenchTipArguments {
     #[arg(long = "task", value_name = "NAME", value_enum)]
     pub tasks: Vec<TipTaskKind>,
     /// Speed of the teeth; may be given several times [default: 0.2, 0.35 and 0.5 m/s]
-    #[arg(long = "speed", value_name = "V", value_parser = positive_in("m/s"), allow_hyphen_values = true)]
+    #[arg(long = "speed", value_name = "V", value_parser = teeth_speed, allow_hyphen_values = true)]
     pub speeds: Vec<f64>,
     /// Mass in the bucket, in kg or with its unit, such as 1.5t; may be given several times [default: 0, 1000 and 1500]
     #[arg(long = "payload", value_name = "KG", value_parser = payload, allow_hyphen_values = true)]

@@ -58,6 +58,9 @@ const BEFORE: f64 = 45.0;
 /// Runs the command.
 pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {
     let machines = machines(arguments)?;
+    for warning in check::warnings_of_models(&machines[0]) {
+        eprintln!("warning: {warning}");
+    }
     let controllers = Controller::chosen(&arguments.without);
     let cases = match arguments.drawn {
         Some(count) => drawn(count, arguments, &machines, &controllers),

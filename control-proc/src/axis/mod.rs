@@ -230,7 +230,7 @@ impl AxisController {
         }
     }
 
-    /// Comes to a stand from where the axis is, and holds. Its reference may be far ahead, as where the pump has failed.
+    /// Comes to a stand from where the axis is, and holds: its reference may be far ahead, as when the pump failed.
     fn stop_to_hold(&mut self) {
         self.operation.mode = AxisMode::Hold;
         self.references.hold(self.feedback.position().map(|position| (position, self.feedback.speed())));

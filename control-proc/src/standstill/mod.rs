@@ -609,7 +609,7 @@ mod tests {
             |k| matches!(standstill.update(1, error(*k), &[0.5; 2], 0.0, false), Stand::Regulate(push) if push > 0.0),
         );
         assert!(pushed.is_some_and(|tick| (440..=460).contains(&tick)), "{pushed:?}");
-        // After 3 s it has been pushed past its set point. It drifts off on the other side, where no pulse helps either.
+        // After 3 s it has been pushed past its set point, and drifts off on the other side. No pulse helps there.
         (0..300).for_each(|_| _ = standstill.update(1, 5e-3, &[0.5; 2], 0.0, false));
         let error = |k: i32| if k < 300 { -2e-3 } else { -2e-3 - 1e-3 * f64::from(k - 300) * PERIOD };
         let pushed = (0..600).filter(

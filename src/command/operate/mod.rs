@@ -194,9 +194,9 @@ fn stream(
             return Err(Failure::run(format!("{}; allowed: {}", operator.state(*axis), mode.name())));
         }
         for (axis, travel) in axes.iter().zip(&mut travels) {
-            let sent = operator.last(*axis).map_or(0.0, |last| last.command);
+            let sent = operator.last(*axis).unwrap_or_default();
             let now = sample.header.acquired_ns;
-            travel.update((now, sample.axes[*axis].usable()), sent, operator.machine().dead_bands[*axis]);
+            travel.update((now, sample.axes[*axis].usable()), &sent, operator.machine().dead_bands[*axis]);
         }
         if Instant::now() >= next_line {
             next_line += LINE_PERIOD;

@@ -4,6 +4,8 @@
 //! is sent smaller than the one that was asked for. Behind a shut valve an axis swings and leaks, and behind one that
 //! has just opened it still does what was commanded before.
 
+use pipeline::message::{AxisCommand, control_flag};
+
 /// Least travel that counts as motion, m.
 const MOVED: f64 = 1e-3;
 /// Travel against the command beyond which no swing of the load explains it, m.
@@ -23,12 +25,18 @@ pub struct Travel {
     driven: [f64; 2],
     /// Since when it is open for extending, and for retracting, ns.
     open_since: [Option<u64>; 2],
+    /// What has made a command smaller than the one that was asked for.
+    held_by: Option<&'static str>,
 }
 
 impl Travel {
     /// Takes in a position (m) at a time (ns), if it is usable, and the command that was sent for it. `dead_band`:
     /// while extending and retracting, as magnitudes.
-    pub fn update(&mut self, (now, position): (u64, Option<f64>), sent: f64, dead_band: [f64; 2]) {
+    pub fn update(&mut self, (now, position): (u64, Option<f64>), sent: &AxisCommand, dead_band: [f64; 2]) {
+        let holds = [(control_flag::WALL, "a virtual wall"), (control_flag::SOFT_LIMIT, "a soft limit")];
+        let by = holds.iter().find(|(flag, _)| sent.flags & flag != 0).map(|(_, by)| *by);
+        self.held_by = by.or(self.held_by);
+        let sent = sent.command;
         let is_open = |direction: usize| {
             let along = if direction == 0 { sent } else { -sent };
             along >= dead_band[direction] + OPEN
@@ -55,7 +63,10 @@ impl Travel {
         if driven * command < 0.0 && driven.abs() > SWING {
             Err(format!("{}; allowed: the same direction: are valve and encoder of the same sign?", text(driven)))
         } else if moved.abs() < MOVED && command != 0.0 {
-            Ok(format!("{}: the command may be within the dead band of the valve", text(moved)))
+            Ok(match self.held_by {
+                Some(by) => format!("{}: {by} held it back", text(moved)),
+                None => format!("{}: the command may be within the dead band of the valve", text(moved)),
+            })
         } else {
             Ok(text(moved))
         }
@@ -71,7 +82,8 @@ mod tests {
     fn judged(command: f64, ticks: &[(f64, f64)]) -> Result<String, String> {
         let mut travel = Travel::default();
         for (second, (position, sent)) in (0..).zip(ticks) {
-            travel.update((1_000_000_000 * second, Some(1e-3 * position)), *sent, [0.1, 0.1]);
+            let sent = AxisCommand { command: *sent, ..AxisCommand::default() };
+            travel.update((1_000_000_000 * second, Some(1e-3 * position)), &sent, [0.1, 0.1]);
         }
         travel.judged(command)
     }
@@ -87,6 +99,20 @@ mod tests {
         // The load still swings from the last command, against which the valve has just opened.
         let swings_on = judged(1.0, &[(500.0, -0.6), (500.0, 0.6), (480.0, -0.6), (480.0, 0.6), (460.0, 0.0)]);
         assert_eq!(swings_on.unwrap(), "moved -40.0 mm under the command +1");
+    }
+
+    #[test]
+    fn what_held_an_axis_back_is_named() {
+        let said = |flags: u32| {
+            let mut travel = Travel::default();
+            for second in 0..3 {
+                let sent = AxisCommand { flags, ..AxisCommand::default() };
+                travel.update((1_000_000_000 * second, Some(0.5)), &sent, [0.1, 0.1]);
+            }
+            travel.judged(1.0).unwrap()
+        };
+        assert_eq!(said(control_flag::WALL), "moved +0.0 mm under the command +1: a virtual wall held it back");
+        assert_eq!(said(control_flag::SOFT_LIMIT), "moved +0.0 mm under the command +1: a soft limit held it back");
     }
 
     #[test]
